@@ -22,6 +22,7 @@ from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.live import Live
 from dashboards.pages.microscope import Microscope
+from dashboards.pages.numbers import Numbers
 from dashboards.pages.other_filters import OtherFilters
 from dashboards.pages.overview import Overview
 from dashboards.pages.sensor_cards import SensorCards
@@ -36,7 +37,7 @@ TABS: dict[str, tuple[type[Page], ...]] = {
     "Flight": (FlightPlots, GroundTrack, View3D),
     "Errors": (Errors, Covariance),
     "Filter": (Consistency, Innovations, SensorErrors, Budget, Microscope, OtherFilters),
-    "Sensors": (SensorCards, Allan, Calibrate),
+    "Sensors": (SensorCards, Allan, Numbers, Calibrate),
     "Compare": (Compare,),
     "Live": (Live,),
 }

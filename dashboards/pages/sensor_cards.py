@@ -14,8 +14,10 @@ from panel.custom import JSComponent
 
 from dashboards.card_chooser import load_card
 from dashboards.pages.base import Page
+from dashboards.pages.sheet_form import SheetForm
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from dashboards.widgets import shown
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -86,7 +88,16 @@ class SensorCards(Page):
             "", sizing_mode="stretch_width", margin=(8, 16), stylesheets=[TABLE_STYLE, _TERMS]
         )
         words = pn.pane.HTML(_WORDS, sizing_mode="stretch_width", margin=(8, 16, 0, 16), stylesheets=[_TERMS])
-        return pn.Column(words, self._table, self._terms, sizing_mode="stretch_width", margin=0)
+        self._form = SheetForm(self._session)
+        return pn.Column(
+            words,
+            self._table,
+            self._terms,
+            self._form.view,
+            sizing_mode="stretch_width",
+            margin=0,
+            stylesheets=[WHOLE],
+        )
 
     def draw(self, result: Result) -> None:
         """Show the terms of the sensors, and mark the card in use."""

@@ -103,8 +103,8 @@ COMMANDS |= {
         "Delete a mission of your own and its recording; missions that ship cannot be deleted.",
     ),
     "cards": (
-        "lab.cli.cards:list_cards",
-        "List the cards of real sensors, or show one with its sources, assumed and missing terms.",
+        "lab.cli.cards:cards",
+        "List the cards of real sensors, show one with its sources, or make one of a data sheet.",
     ),
     "allan": (
         "lab.cli.allan:allan",

@@ -10,7 +10,7 @@ import typer
 
 from lab.base.parameters.setting_error import SettingError
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.cards import ASSUMED, FOOT, number
+from lab.cli.card_table import ASSUMED, FOOT, number
 from lab.cli.options import AsJson, Assumed, Columns, Force, Units, check_out, corrections
 from lab.cli.terminal import table
 

@@ -1,18 +1,15 @@
-"""``ins-lab cards``: the cards of sensors, with the sources of their numbers."""
+"""``ins-lab cards``: the cards of sensors, with the sources of their numbers, and new ones."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from lab.cli.app import print_json
+from lab.cli.app import Commands, print_json
+from lab.cli.card_table import card_text, cards_text, facts
+from lab.cli.new_card import NEW_EXAMPLES, new_card
 from lab.cli.options import AsJson, Assumed
-from lab.cli.terminal import table
-
-if TYPE_CHECKING:
-    from lab.sensors.cards import Card, Terms
 
 EXAMPLES = """\b
 Examples:
@@ -20,17 +17,34 @@ Examples:
   ins-lab cards ADIS16470
   ins-lab run montreal --card ADIS16470
   ins-lab run montreal --card ADIS16470 --no-assumed
+  ins-lab cards new my_imu.toml
 Numbers without a source are assumed, typical of the grade, and marked; --no-assumed omits them.
 White noise is the two-sided N of IEEE 952, which is 1/√2 of a one-sided noise density."""
 
-NOTHING = "–"
-"""Placeholder for a missing number."""
-ASSUMED = "*"
-"""Mark after an assumed number."""
-FOOT = f"{ASSUMED} assumed: a value typical of the grade, since the card has no source"
-"""Legend of the mark, below a table."""
+
+class CardCommands(Commands):
+    """The commands about cards; a name that is no command is the name of a card to show."""
+
+    default = "show"
+    """The command that is meant without one."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments: without a command, they are those of the default one."""
+        if not args or args[0] not in (*self.commands, *ctx.help_option_names):
+            args = [self.default, *args]
+        return list(super().parse_args(ctx, args))
 
 
+cards = typer.Typer(
+    name="cards",
+    cls=CardCommands,
+    help="List the cards of real sensors, show one with its sources, or make one of a data sheet.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+@cards.command("show", epilog=EXAMPLES)
 def list_cards(
     name: Annotated[
         str | None,
@@ -42,82 +56,21 @@ def list_cards(
     as_json: AsJson = False,
 ) -> None:
     """List the cards of real sensors, or show one with its sources, assumed and missing terms."""
-    from lab.sensors.cards import card, cards  # noqa: PLC0415 - takes half a second
+    from lab.sensors.cards import card  # noqa: PLC0415 - takes half a second
+    from lab.sensors.cards import cards as all_cards  # noqa: PLC0415 - beside it
 
     if name is None:
-        found = [entry if assumed else entry.without_assumed() for entry in cards().values()]
+        found = [entry if assumed else entry.without_assumed() for entry in all_cards().values()]
         if as_json:
-            print_json([_facts(entry) for entry in found])
+            print_json([facts(entry) for entry in found])
         else:
-            print(_cards(found))
+            print(cards_text(found))
         return
     one = card(name, assumed=assumed)
     if as_json:
-        print_json(_facts(one))
+        print_json(facts(one))
     else:
-        print(_card(one))
+        print(card_text(one))
 
 
-def _cards(cards: Sequence[Card]) -> str:
-    """Return the cards as a table: white noise and bias instability, in the units of the settings."""
-    from lab.sensors.cards import KEY_TERMS  # noqa: PLC0415 - takes half a second
-    from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
-
-    suite = SensorSuite().groups()
-    titles = [f"{title} [{suite[group].param[term].unit}]" for group, term, title in KEY_TERMS]
-    rows = [
-        (card.name, card.grade, *(_marked(card, group, term) for group, term, _ in KEY_TERMS))
-        for card in cards
-    ]
-    text = table(("name", "grade", *titles), rows, right={2, 3, 4, 5})
-    if any(card.assumed for card in cards):
-        text += f"\n\n{FOOT}"
-    return text
-
-
-def _marked(card: Card, group: str, term: str) -> str:
-    """Return a number of a card in the unit of its setting, marked if assumed."""
-    return number(card.value(group, term)) + (ASSUMED if card.is_assumed(group, term) else "")
-
-
-def _card(card: Card) -> str:
-    """Return a whole card as text: every number with its source, the assumed and the missing terms."""
-    head = [f"{card.name}: {', '.join(text for text in (card.maker, f'{card.grade} grade') if text)}"]
-    head += [card.note] if card.note else []
-    lines = [*head, _terms(card.terms)]
-    if card.assumed:
-        lines += ["", "Assumed, since the card has no source (--no-assumed omits these):"]
-        lines.append(_terms(card.assumed))
-    missing = [
-        f"No source, off when loaded: {triad}: {'; '.join(labels)}"
-        for triad, labels in card.missing().items()
-        if labels
-    ]
-    return "\n".join([*lines, *([""] if missing else []), *missing])
-
-
-def _terms(terms: Terms) -> str:
-    """Return data as a table in the units of the source; a density with its convention."""
-    from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
-
-    suite = SensorSuite().groups()
-    rows = []
-    for group, data in terms.items():
-        for name, datum in data.items():
-            unit = f"{datum.unit}, {datum.convention}" if datum.convention else datum.unit
-            rows.append((group, suite[group].param[name].label, number(datum.value), unit, datum.source))
-    return table(("group", "term", "value", "unit", "source"), rows, right={2})
-
-
-def _facts(card: Card) -> dict[str, Any]:
-    (facts,) = card.to_dict().values()
-    return {"name": card.name, **facts, "settings": card.settings(), "missing": card.missing()}
-
-
-def number(value: Any) -> str:
-    """Return a number of a card, one for each axis, or none, as text."""
-    if value is None:
-        return NOTHING
-    if isinstance(value, list | tuple):
-        return ", ".join(number(component) for component in value)
-    return f"{value:.4g}"
+cards.command("new", epilog=NEW_EXAMPLES)(new_card)

@@ -175,6 +175,7 @@ def _add_log(
     from lab.data.log.log_section import piece  # noqa: PLC0415 - beside what it goes with
     from lab.data.log.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
+    from lab.missions.flight_import import any_log  # noqa: PLC0415 - takes a second
 
     if preview:
         raise CommandError("--preview shows flights; a log is shown once it is navigated: ins-lab run NAME")
@@ -182,7 +183,7 @@ def _add_log(
         raise CommandError(f"--vehicle {named_vehicle}: accepted are {', '.join(VEHICLES)}")
     with working(str(files[0])) as progress:
         progress("reading", 0.0)
-        log, units = _answered(files, units, lambda said: _log_in(files, said, axes, named_vehicle))
+        log, units = _answered(files, units, lambda said: any_log(files, said, axes, named_vehicle))
         if calibration is not None:
             from lab.missions.flight_import import calibrated  # noqa: PLC0415 - rarely needed
 
@@ -252,27 +253,6 @@ def _range_remarks(log: SensorLog) -> list[str]:
     from lab.data.checks.full_scale import range_remarks  # noqa: PLC0415 - beside what it goes with
 
     return range_remarks(np.concatenate(log.rates, axis=1))
-
-
-def _log_in(
-    files: Sequence[Path], units: dict[str, str], axes: Sequence[str], named_vehicle: str
-) -> SensorLog:
-    """Return the log in files; the bytes of a device are a log too."""
-    from lab.data.streams.raw_recording import RecordingError  # noqa: PLC0415 - rarely needed
-    from lab.data.streams.recorded_log import device_log  # noqa: PLC0415 - rarely needed
-    from lab.missions import MissionError  # noqa: PLC0415 - beside what it goes with
-    from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
-
-    try:
-        return read_log(files, units, axes, named_vehicle)
-    except MissionError:
-        try:
-            log = device_log(files[0], named_vehicle, axes) if len(files) == 1 and not units else None
-        except RecordingError as error:
-            raise CommandError(str(error)) from error
-        if log is None:
-            raise
-        return log
 
 
 def _quoted(name: str) -> str:

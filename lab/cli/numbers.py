@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,15 +13,15 @@ from lab.cli.options import AsJson, Assignments, Config, experiment
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
-    from lab.experiment.number_table import Estimate, ImuNumbers
+    from lab.experiment.number_table import ImuNumbers
 
 EXAMPLES = """\b
 Examples:
-  ins-lab numbers --static still.csv --moving my_drive
+  ins-lab numbers --static still.csv --moving drive.ulg
   ins-lab numbers --moving my_drive --for px4
   ins-lab numbers --static still.csv --for kalibr
-The drive is a sensor log: ins-lab import FILE --as log adds one. Without --static, the longest rest of the
-drive is taken. Intervals are 95 % intervals."""
+The drive is a file with an IMU and a GPS receiver, or a sensor log among the missions. Without --static, the
+longest rest of the drive is taken. Intervals are 95 % intervals."""
 
 
 def numbers(
@@ -31,7 +31,7 @@ def numbers(
     ] = None,
     moving: Annotated[
         str | None,
-        typer.Option("--moving", metavar="MISSION", help="Sensor log of a drive.", show_default=False),
+        typer.Option("--moving", metavar="MISSION|FILE", help="Sensor log of a drive.", show_default=False),
     ] = None,
     program: Annotated[
         str | None,
@@ -49,13 +49,15 @@ def numbers(
 ) -> None:
     """Show the noise of an IMU at rest and in motion, why they differ, and what a filter should assume."""
     from lab.experiment import filter_programs, imu_numbers  # noqa: PLC0415 - help does not need them
+    from lab.experiment.log_file import opened  # noqa: PLC0415 - beside them
 
     if static is None and moving is None:
-        raise CommandError("numbers needs --static FILE, --moving MISSION, or both")
+        raise CommandError("numbers needs --static FILE, --moving MISSION|FILE, or both")
     if program is not None and program not in filter_programs.PROGRAMS:
         raise CommandError(f"--for {program}: accepted are {', '.join(filter_programs.PROGRAMS)}")
-    chosen = None if moving is None else experiment(moving, config, None, assignments, None)
-    with working(moving or str(static)) as progress:
+    with working(moving or str(static)) as progress, contextlib.ExitStack() as stack:
+        drive = None if moving is None else stack.enter_context(opened(moving))
+        chosen = None if drive is None else experiment(drive, config, None, assignments, None)
         found = imu_numbers.numbers(static, chosen, progress)
     lines = "" if program is None else filter_programs.lines(found, program)
     if as_json:
@@ -67,26 +69,11 @@ def numbers(
 
 
 def _text(found: ImuNumbers) -> str:
-    rows = [
-        (
-            row.triad,
-            row.term,
-            _interval(row.at_rest),
-            _interval(row.in_motion),
-            _interval(row.factor),
-            _number(row.used),
-            row.unit,
-            _number(row.discrete),
-        )
-        for row in found.rows
-    ]
-    header = ("group", "term", "at rest", "in motion", "factor", "use", "unit", "one sample [SI]")
-    parts = [f"At rest: {found.static or 'unknown'}. In motion: {found.moving or 'unknown'}."]
-    parts.append(table(header, rows, right={5, 7}))
-    parts.append(
-        f"Densities are two-sided (N of IEEE 952); a data sheet's one-sided noise density is √2 times as "
-        f"large. One sample is σ of a sample at {found.rate:.4g} Hz, or the step of the bias between two."
-    )
+    from lab.experiment.number_table import HEADS, UNKNOWN  # noqa: PLC0415 - help does not need it
+
+    parts = [f"At rest: {found.static or UNKNOWN}. In motion: {found.moving or UNKNOWN}."]
+    parts.append(table(HEADS, found.cells, right={5, 7}))
+    parts.append(found.convention)
     parts.append(
         "\n".join(
             f"- {row.triad}, {row.term}: {row.basis}. Cause of the factor: {row.cause}" for row in found.rows
@@ -95,15 +82,3 @@ def _text(found: ImuNumbers) -> str:
     if found.remarks:
         parts.append("\n".join(f"- {remark}" for remark in found.remarks))
     return "\n\n".join(parts)
-
-
-def _number(value: float) -> str:
-    return "unknown" if math.isnan(value) else f"{value:.3g}"
-
-
-def _interval(one: Estimate | None) -> str:
-    if one is None:
-        return "unknown"
-    if not one.low > 0:
-        return f"at most {one.high:.3g}"
-    return f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g})"

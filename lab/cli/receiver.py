@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lab.cli.app import print_json, working
+from lab.cli.app import CommandError, print_json, working
 from lab.cli.options import AsJson, Force, check_out
 from lab.cli.terminal import table
 
@@ -20,7 +20,9 @@ Examples:
   ins-lab receiver my_drive
   ins-lab receiver my_drive --gate 0.999 --settings receiver.toml
   ins-lab receiver ublox.ubx
-A sensor log of an IMU and a receiver, or a file of fixes alone: NMEA, UBX or another protocol of devices."""
+  ins-lab receiver flight.ulg
+A sensor log, a file with an IMU and a receiver, or one of fixes alone: NMEA, UBX or another protocol of
+devices."""
 
 
 def receiver(
@@ -44,9 +46,15 @@ def receiver(
     as_json: AsJson = False,
 ) -> None:
     """Find the errors of a receiver's fixes, white and slow, beside its claims, and what a gate rejects."""
+    from lab.experiment.log_file import is_log_file  # noqa: PLC0415 - help does not need it
     from lab.experiment.receiver import receiver as examine  # noqa: PLC0415 - help does not need it
 
     check_out(settings, force, ".toml", "settings", "--settings")
+    if settings is not None and is_log_file(source):
+        raise CommandError(
+            f"--settings {settings}: settings are of a mission; ins-lab import {source} --as log makes one "
+            "of a file with an IMU"
+        )
     with working(source) as progress:
         found = examine(source, gate, progress)
         if settings is not None:
@@ -59,7 +67,6 @@ def receiver(
 
 def _write(path: Path, found: ReceiverReport) -> None:
     from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
-    from lab.cli.app import CommandError  # noqa: PLC0415 - beside what it goes with
 
     if found.experiment is None:
         raise CommandError(f"--settings {path}: settings are of a sensor log, and {found.source} has no IMU")

@@ -24,6 +24,7 @@ from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import TO_SI
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
+from lab.experiment.log_file import called, is_opened, opened
 from lab.experiment.log_result import LogResult
 from lab.experiment.number_causes import cause, flicker
 from lab.experiment.number_table import TERMS, UNITS, Estimate, ImuNumbers, NumberRow
@@ -75,7 +76,7 @@ robot_localization, whose filter takes motion as such a walk."""
 
 def numbers(
     static: str | Path | None = None,
-    moving: str | Experiment | None = None,
+    moving: str | Path | Experiment | None = None,
     progress: Progress | None = None,
 ) -> ImuNumbers:
     """Return the noise of an IMU for a filter, from a log at rest, from a drive, or from both.
@@ -86,8 +87,8 @@ def numbers(
         File of the IMU at rest, of any format that `lab.analysis.rest.read_log` reads. Without one, the
         longest rest of the drive is taken, if it has any.
     moving
-        The mission of a drive with GPS, or an experiment on it, whose settings are kept. Without one, only
-        the numbers at rest are known.
+        The mission of a drive with GPS, its log file of any format, or an experiment on it, whose settings
+        are kept. Without one, only the numbers at rest are known.
     progress
         Called with a phrase and the fraction done, from 0 to 1.
 
@@ -113,13 +114,26 @@ def numbers(
         if refusal is not None or records is None:
             raise refusal or ValueError("numbers need a log")
         return _of_rest(str(static), records)
-    experiment = moving.copy() if isinstance(moving, Experiment) else Experiment(mission=moving)
+    if isinstance(moving, Experiment):
+        return _with_drive(static, records, refusal, moving.copy(), tell)
+    with opened(moving) as drive:
+        return _with_drive(static, records, refusal, Experiment(mission=drive), tell)
+
+
+def _with_drive(
+    static: str | Path | None,
+    records: RestRecords | None,
+    refusal: MissionError | None,
+    experiment: Experiment,
+    tell: Progress,
+) -> ImuNumbers:
+    """Return the numbers of a drive, and of a rest, which may be missing or refused."""
     stands = _why_no_drive(experiment)
     if refusal is not None:
         swapped = f" The drive {stands}: were the two logs swapped?" if "stands still" in stands else ""
         raise MissionError(f"{refusal}.{swapped}") from refusal
     if stands:
-        raise MissionError(f"{experiment.mission}: the drive {stands}")
+        raise MissionError(f"{called(experiment.mission)}: the drive {stands}")
     result = experiment.run(lambda stage, part: tell(stage, 0.1 + 0.1 * part))
     assert isinstance(result, LogResult)
     drive = _drive(result)
@@ -413,7 +427,7 @@ def _of_both(
             )
         elif trusted and one.applied:
             how = "chosen with one factor on Q" if found.chosen_by == "factors" else "identified"
-            used, basis = one.after, f"{how} in {experiment.mission} by {judged}"
+            used, basis = one.after, f"{how} in {called(experiment.mission)} by {judged}"
         elif still is not None:
             said = "the drive does not refute it" if trusted else f"the drive gives no better one ({judged})"
             used, basis = None, f"the Allan deviation of {where}; {said}"
@@ -423,9 +437,9 @@ def _of_both(
         why = cause(key, still, moving, records, drive.rates[TRIADS.index(triad)], drive.dt)
         rows.append(_row(key, still, moving, why, drive.dt, used, basis))
     remarks = [*_about_rest(records), *_about_rates(records, drive), *found.remarks]
-    return ImuNumbers(
-        where, experiment.mission, 1 / drive.dt, tuple(rows), _walks(drive), chosen.experiment, tuple(remarks)
-    )
+    lasting = None if is_opened(experiment.mission) else chosen.experiment
+    name = called(experiment.mission)
+    return ImuNumbers(where, name, 1 / drive.dt, tuple(rows), _walks(drive), lasting, tuple(remarks))
 
 
 def _walks(drive: _Drive) -> tuple[float, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 
 from lab.analysis.verdicts import limits
@@ -12,11 +11,11 @@ from lab.analysis.verdicts.foreign_verdict import ForeignVerdict, judge_foreign
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
-from lab.data.files.sensor_log_writer import write_sensor_log
 from lab.data.filter_logs import read_filter_log, sensors_beside
 from lab.data.log.filter_log import FilterLog
 from lab.data.log.sensor_log import SensorLog
 from lab.experiment.experiment import Experiment
+from lab.experiment.log_file import written
 from lab.navigation.filters.error_models import POS
 
 _COMPARED = 2000
@@ -68,10 +67,8 @@ def _smoothed(log: FilterLog, sensors: SensorLog) -> Compared:
     if log.lane.track is None:
         return _no_smoother("the log does not give its positions")
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            place = Path(folder) / "log"
-            write_sensor_log(place, sensors, title="log")
-            experiment = Experiment(mission=str(place))
+        with written(sensors, "log") as place:
+            experiment = Experiment(mission=place)
             experiment.navigator.smoother = True
             result = experiment.run()
             ours = result.verdict

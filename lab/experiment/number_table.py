@@ -18,12 +18,30 @@ UNITS = (("°/s/√Hz", "µg/√Hz"), ("°/h/√h", "mg/√h"))
 """Unit of each term, gyros and accelerometers."""
 
 
+HEADS = ("group", "term", "at rest", "in motion", "factor", "use", "unit", "one sample [SI]")
+"""Headings of the table."""
+
+
 class Estimate(NamedTuple):
     """A number with its 95 % interval, in its unit; a low end of 0 says that only an upper end is known."""
 
     value: float
     low: float
     high: float
+
+    def __str__(self) -> str:
+        if not self.low > 0:
+            return f"at most {self.high:.3g}"
+        return f"{self.value:.3g} ({self.low:.3g} to {self.high:.3g})"
+
+
+UNKNOWN = "unknown"
+"""What stands in place of a number that neither log shows."""
+
+
+def number_text(value: float) -> str:
+    """Return a number as text."""
+    return UNKNOWN if math.isnan(value) else f"{value:.3g}"
 
 
 @dataclass(frozen=True)
@@ -93,7 +111,8 @@ class ImuNumbers:
         Random walk intensities of the vehicle's angular rate [rad²/s³] and acceleration [m²/s⁵] at
         30 Hz, NaN without a drive.
     experiment : Experiment or None
-        The drive with these numbers in the filter; None without a drive.
+        The drive with these numbers in the filter; None without a drive, and for the file of one, which is
+        no mission.
     remarks : tuple of str
         What else a reader must know, each with what it rests on.
     """
@@ -105,6 +124,31 @@ class ImuNumbers:
     motion: tuple[float, float]
     experiment: Experiment | None
     remarks: tuple[str, ...]
+
+    @property
+    def cells(self) -> tuple[tuple[str, ...], ...]:
+        """The rows as texts, under `HEADS`."""
+        return tuple(
+            (
+                row.triad,
+                row.term,
+                str(row.at_rest or UNKNOWN),
+                str(row.in_motion or UNKNOWN),
+                str(row.factor or UNKNOWN),
+                number_text(row.used),
+                row.unit,
+                number_text(row.discrete),
+            )
+            for row in self.rows
+        )
+
+    @property
+    def convention(self) -> str:
+        """What the densities and the values of one sample are."""
+        return (
+            f"Densities are two-sided (N of IEEE 952); a data sheet's one-sided noise density is √2 times as "
+            f"large. One sample is σ of a sample at {self.rate:.4g} Hz, or the step of the bias between two."
+        )
 
     def row(self, triad: str, term: str) -> NumberRow:
         """Return the row of a term."""

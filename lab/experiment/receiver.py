@@ -32,10 +32,12 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.plain_data import plain
 from lab.base.progress import Progress
+from lab.data.formats import reader_of
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT
 from lab.data.streams.raw_recording import RecordingError
 from lab.data.streams.recorded_log import recorded_samples
 from lab.experiment.experiment import Experiment
+from lab.experiment.log_file import called, is_log_file, opened
 from lab.experiment.log_result import LogResult
 from lab.missions import LogMission, mission
 from lab.motion.frames.displacement import displacement
@@ -190,7 +192,8 @@ def receiver(
     Parameters
     ----------
     source
-        A sensor log by its mission, or an experiment on it; or a file of fixes alone, such as NMEA or UBX.
+        A sensor log by its mission or its file, or an experiment on it; or a file of fixes alone, such as
+        NMEA or UBX.
     gate
         Probability that a good fix passes the gate whose reach is stated.
     progress
@@ -205,8 +208,17 @@ def receiver(
     """
     tell = progress or (lambda _stage, _fraction: None)
     tell("reading the fixes", 0.0)
-    name = source.mission if isinstance(source, Experiment) else str(source)
-    fixes = _of_file(Path(name)) if _is_file(name) else _of_log(_experiment(source), tell)
+    if isinstance(source, Experiment):
+        return _examined(called(source.mission), _of_log(source.copy(), tell), gate, tell)
+    alone = _fixes_alone(source)
+    if alone is not None:
+        return _examined(str(source), alone, gate, tell)
+    with opened(source) as name:
+        return _examined(called(name), _of_log(Experiment(mission=name), tell), gate, tell)
+
+
+def _examined(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverReport:
+    """Return the report on fixes, if they are enough."""
     count = fixes.satellites.size
     if count > MOST:
         series = {basis: one.rows(slice(0, MOST)) for basis, one in fixes.series.items()}
@@ -219,22 +231,24 @@ def receiver(
     return _report(name, fixes, gate, tell)
 
 
-def _experiment(source: str | Path | Experiment) -> Experiment:
-    return source.copy() if isinstance(source, Experiment) else Experiment(mission=str(source))
-
-
-def _is_file(name: str) -> bool:
-    path = Path(name)
-    return path.is_file() and path.suffix.lower() not in (".toml", ".csv")
+def _fixes_alone(source: str | Path) -> _Fixes | None:
+    """Return the fixes of a receiver's own file; None for a mission, or the log of an IMU and a receiver."""
+    path = Path(source)
+    if not is_log_file(source) or path.suffix.lower() == ".csv":
+        return None
+    try:
+        return _of_file(path)
+    except RecordingError as error:
+        try:
+            reader_of(path)
+        except MissionError:
+            raise MissionError(str(error)) from error
+        return None
 
 
 def _of_file(path: Path) -> _Fixes:
     """Return the fixes of a receiver's own file."""
-    try:
-        found = recorded_samples(path).fix
-    except RecordingError as error:
-        hint = f"the log of an autopilot or of a program is a mission first: ins-lab import {path} --as log"
-        raise MissionError(f"{error}; {hint}") from error
+    found = recorded_samples(path).fix
     found = found[np.isfinite(found["latitude"]) & (found["fix_type"] >= FIX_2D)]
     time = found["utc"] if np.isfinite(found["utc"]).all() else found["time"]
     found, time = _increasing(found, time)

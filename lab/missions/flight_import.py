@@ -269,6 +269,34 @@ def calibrated(
     return known.applied(log)
 
 
+def any_log(
+    paths: Sequence[Path],
+    units: Mapping[str, str] | None = None,
+    axes: Sequence[str] = (),
+    vehicle: str = "",
+) -> SensorLog:
+    """Return the log in files as `read_log`, or in one file with the bytes of a device.
+
+    Raises
+    ------
+    MissionError
+        If it cannot be read, or has not both an IMU and fixes.
+    """
+    from lab.data.streams.raw_recording import RecordingError  # noqa: PLC0415 - rarely needed
+    from lab.data.streams.recorded_log import device_log  # noqa: PLC0415 - rarely needed
+
+    try:
+        return read_log(paths, units, axes, vehicle)
+    except MissionError:
+        try:
+            log = device_log(paths[0], vehicle, axes) if len(paths) == 1 and not units else None
+        except RecordingError as error:
+            raise MissionError(str(error)) from error
+        if log is None:
+            raise
+        return log
+
+
 def _with_clock_rate(log: SensorLog) -> SensorLog:
     """Return a log with a remark if the clocks of its IMU and its receiver run at different rates."""
     whole = piece(log)

@@ -370,12 +370,7 @@ def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mappin
     """Return the assumed numbers: those of the file, otherwise those typical of the grade."""
     own = table.get("assumed")
     if own is None:
-        filling = {} if set(terms) == {"gps"} else typical(table["grade"])
-        rest = {
-            triad: {name: datum for name, datum in data.items() if name not in terms.get(triad, {})}
-            for triad, data in filling.items()
-        }
-        return {triad: data for triad, data in rest.items() if data}
+        return gaps_filled(terms, table["grade"])
     if not isinstance(own, Mapping):
         raise SettingError(f"{where}, assumed: is not a table; accepted are tables {', '.join(TRIADS)}")
     check_keys(f"{where}, assumed", own, TRIADS)
@@ -391,6 +386,16 @@ def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mappin
         triad: read_terms(f"{where}, assumed.{triad}", suite[triad], data, sources)
         for triad, data in own.items()
     }
+
+
+def gaps_filled(terms: Terms, grade: str) -> Terms:
+    """Return what is typical of a grade for the terms that are not given; a receiver alone has no gaps."""
+    filling = {} if set(terms) == {"gps"} else typical(grade)
+    rest = {
+        triad: {name: datum for name, datum in data.items() if name not in terms.get(triad, {})}
+        for triad, data in filling.items()
+    }
+    return {triad: data for triad, data in rest.items() if data}
 
 
 def _plain(value: Any) -> Any:

@@ -41,6 +41,7 @@ WORDS = {
     "Budget": ("At the end, σ of",),
     "Microscope": ("x⁺ = K y",),
     "Calibration": ("Constant errors of sensors",),
+    "Numbers": ("Which noise goes into a filter",),
     "Other filters": ("What a filter that is not ours says of itself",),
     "Lessons": ("Tuning R", "Break it: one hidden fault in each"),
 }

@@ -40,6 +40,7 @@ NOT_RUN = {
     r"serve\b.*": "serves until it is stopped; the tests of the page serve",
     r".* --scheduler .*": "needs a cluster; tests/experiment/test_cluster.py has one",
     r"warm": "compiles for minutes; tests/cli/test_warm.py",
+    r"cards new( my_sensor\.toml)?": "asks a person; tests/cli/test_cards_new_command.py has a terminal",
     r"record .*": "needs an X-Plane that runs; tests/cli/test_record_command.py has a stand-in",
     r"live \w+ \"?(serial|xplane):.*": "needs a sensor at a port, or an X-Plane that runs",
     r"live simulate .*": "sends in real time until the flight ends; tests/cli/test_live_command.py",

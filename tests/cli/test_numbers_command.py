@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import tempfile
 
 import numpy as np
 import pytest
 from asking import ask, refused
 from sensor_logs import IMU, tables, write, write_csv
+from writers import ulog
+
+from lab.missions import mission
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +42,9 @@ def test_a_log_at_rest_gives_lines_for_a_program(folder):
 
 
 def test_wrong_arguments_are_refused(folder):
-    refused(ask("numbers"), "--static FILE, --moving MISSION, or both")
+    refused(ask("numbers"), "--static FILE, --moving MISSION|FILE, or both")
+    refused(ask("numbers", "--moving", str(folder / "still.csv")), "still.csv")
+    refused(ask("numbers", "--moving", "missions/montreal.csv.gz"), "simulated mission")
     refused(
         ask("numbers", "--static", str(folder / "still.csv"), "--for", "excel"), "accepted are kalibr, px4"
     )
@@ -72,3 +78,22 @@ def test_a_receiver_without_a_log_is_refused(folder, tmp_path):
     refused(ask("receiver", str(tmp_path / "none.ubx")), "none.ubx")
     (tmp_path / "noise.ubx").write_bytes(bytes(range(256)) * 40)
     refused(ask("receiver", str(tmp_path / "noise.ubx")), "noise.ubx")
+
+
+@pytest.mark.proof
+def test_the_file_of_a_log_stands_in_place_of_a_mission(tmp_path, monkeypatch):
+    """The same figures from a file and from the mission that an import of it makes; nothing stays behind."""
+    monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path / "missions"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    log = tmp_path / "drive.ulg"
+    log.write_bytes(ulog.write(mission("los_angeles").recording))
+    assert ask("import", str(log), "--as", "log", "--name", "same_drive").exit_code == 0
+    for command in (("numbers", "--moving"), ("receiver",)):
+        one, other = (ask(*command, name, "--json") for name in (str(log), "same_drive"))
+        assert one.exit_code == 0, one.stderr
+        assert one.stdout.replace("drive.ulg", "same_drive") == other.stdout
+    refused(ask("receiver", str(log), "--settings", str(tmp_path / "out.toml")), "ins-lab import", "--as log")
+    log.write_bytes(log.read_bytes()[:2000])
+    refused(ask("numbers", "--moving", str(log)), "drive.ulg")
+    assert not any((tmp_path / "temporary").iterdir())

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from walking import Walk, walking
 
 from dashboards.pages.sensor_cards import CardTable, SensorCards, card_table
+from dashboards.pages.sheet_form import SheetForm
 from lab.experiment.experiment import Experiment
 from lab.sensors.cards import card, cards
 
@@ -77,3 +80,59 @@ def test_gaps_are_filled_as_the_switch_beside_the_cards_says(walk: Walk) -> None
     press(walk, "BMI270")
     assert card("BMI270").is_assumed("gyro", "flicker")
     assert np.max(session.experiment.sensors.gyro.flicker) == 0
+
+
+def form(walk: Walk) -> SheetForm:
+    assert isinstance(walk.shown, SensorCards)
+    return walk.shown._form
+
+
+def test_lines_of_a_data_sheet_become_a_card_to_download_and_to_load(walk: Walk, tmp_path: Path) -> None:
+    shown, session = form(walk), walk.page.session
+    before = session.experiment.to_dict()
+    shown._source.value = "sheet, rev. 2"
+    shown.make()
+    for words in (
+        "5 numbers of the sheet",
+        "read as 120 µg/√Hz: rms",
+        "gyro, assumed: Flicker",
+        "missing",
+    ):
+        assert words in str(shown.answer.object)
+    path = tmp_path / "mine.toml"
+    path.write_bytes(shown.download.callback().getvalue())
+    assert card(path).value("gyro", "bias_sigma") == 0.5
+    shown.load()
+    wanted = Experiment()
+    card(path).load(wanted)
+    assert session.experiment.sensors.to_dict() == wanted.sensors.to_dict()
+    walk.ask("undo")
+    assert session.experiment.to_dict() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "grade", "source", "numbers", "words"),
+    [
+        ("mine", "own", "", "gyro ARW = 0.2 deg/√h", "needs its source"),
+        ("../mine", "own", "s", "gyro ARW = 0.2 deg/√h", "not possible in the name of a file"),
+        ("mine", "best", "s", "gyro ARW = 0.2 deg/√h", "accepted is one of consumer"),
+        ("mine", "own", "s", "ARW = 0.2 deg/√h", "lines that begin with gyro or accelerometer"),
+        ("mine", "own", "s", "gyro ARW 0.2 deg/√h", "accepted is WORD=NUMBER UNIT"),
+        ("mine", "own", "s", "gyro ARW = 0.2 deg", "the unit of something else"),
+        ("mine", "own", "s", "gyro <b> = 0.2 deg", "&lt;b&gt;"),
+        ("mine", "own", "s", " ", "at least one number"),
+        ("mine", "own", "s", "gyro ARW = 0.2 deg/√h\n" * 41, "accepted are up to 40"),
+    ],
+)
+def test_what_is_wrong_on_a_sheet_is_said_and_makes_no_card(
+    walk: Walk, name: str, grade: str, source: str, numbers: str, words: str
+) -> None:
+    shown = form(walk)
+    shown._grade.options = [*shown._grade.options, "best"]
+    for field, text in ((shown._name, name), (shown._source, source), (shown._numbers, numbers)):
+        field.param.update(value=text, value_input=text)
+    shown._grade.value = grade
+    shown.make()
+    assert words in str(shown.answer.object)
+    assert shown.card is None
+    assert not shown.download.visible

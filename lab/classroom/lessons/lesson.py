@@ -28,6 +28,8 @@ PAGES = (
     "States",
     "Cards",
     "Allan",
+    "Numbers",
+    "Calibration",
     "Ground track",
     "Flight",
     "3-D",
