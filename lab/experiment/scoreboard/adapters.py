@@ -106,9 +106,7 @@ def _log(
     reference: Reference | None,
     vehicle: str = "",
 ) -> SensorLog:
-    log = repaired(
-        str(folder), time, samples, gnss, reference, auxiliary=AuxiliaryData(vehicle=vehicle)
-    )
+    log = repaired(str(folder), time, samples, gnss, reference, auxiliary=AuxiliaryData(vehicle=vehicle))
     check_log(log)
     return log
 

@@ -108,7 +108,9 @@ def _decompressed(path: Path, content: bytes) -> bytes:
             except zlib.error as error:
                 raise MissionError(f"{path}: a compressed element is damaged: {error}") from error
             if stream.unconsumed_tail:
-                raise MissionError(f"{path}: accepted are files up to {MAX_BYTES // 2**20} MB when decompressed")
+                raise MissionError(
+                    f"{path}: accepted are files up to {MAX_BYTES // 2**20} MB when decompressed"
+                )
         else:
             part = content[at : at + _MAT_TAG + size]
         left -= len(part)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -74,6 +75,8 @@ class Row(NamedTuple):
         Time of the processor for all turns, and what was navigated in it [s].
     files : mapping of str to str
         SHA-256 of the files.
+    checked : str
+        With what these were compared: "registered" ones, those of the "first result", or "nothing".
     settings : str
         What the program assumed, in words.
     """
@@ -89,19 +92,30 @@ class Row(NamedTuple):
     processor_s: float = 0.0
     log_s: float = 0.0
     files: Mapping[str, str] = {}  # noqa: RUF012 - likewise
+    checked: str = ""
     settings: str = ""
 
 
-def folder_of(about: DataSet, data: Path) -> Path | None:
-    """Return the folder of a set: of its name in a folder, or this folder itself if it has this name."""
-    for folder in (data / about.name, data):
-        if folder.name == about.name and folder.is_dir():
-            return folder
-    return None
+def folder_of(about: DataSet, data: Path, *, alone: bool = False) -> Path | None:
+    """Return the folder of a set in a folder, which is one of its name; None if there is none.
+
+    Parameters
+    ----------
+    about, data
+        The set, and the folder.
+    alone
+        Whether no other set is asked for: the folder itself may then be that of the set, whatever its name.
+    """
+    if (data / about.name).is_dir():
+        return data / about.name
+    holds_files = any(path.is_file() and _is_read(about, path, data) for path in data.rglob("*"))
+    return data if data.resolve().name == about.name or (alone and holds_files) else None
 
 
-def checked_files(about: DataSet, folder: Path, known: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the SHA-256 of the files of a folder that are read.
+def checked_files(
+    about: DataSet, folder: Path, known: Mapping[str, str] | None = None
+) -> tuple[dict[str, str], str]:
+    """Return the SHA-256 of the files of a folder that are read, and with what they were compared.
 
     Parameters
     ----------
@@ -115,27 +129,28 @@ def checked_files(about: DataSet, folder: Path, known: Mapping[str, str] | None 
     MissionError
         If a file is missing, or is another one.
     """
-    is_own = _is_log(folder)
-    expected = dict(about.files) if about.files and (is_own or about.layout in ("log", "flight")) else {}
+    # The registered files of a log are its csv; a set in its published layout has others.
+    expected = dict(about.files) if _is_log(folder) or about.layout in ("log", "flight") else {}
     paths = sorted(path for path in folder.rglob("*") if path.is_file() and _is_read(about, path, folder))
     if not paths:
         raise MissionError(f"{folder}: holds no file of {about.name}; {where_from(about)}")
     missing = sorted(set(expected) - {path.name for path in paths})
     if missing:
         raise MissionError(f"{folder}: {missing[0]} is missing; {where_from(about)}")
-    found = {}
+    found, compared = {}, set()
     for path in paths:
         check_file(path, MAX_BYTES)
         name = path.relative_to(folder).as_posix()
         with path.open("rb") as file:
             found[name] = hashlib.file_digest(file, "sha256").hexdigest()
         wanted = expected.get(name) or (known or {}).get(name)
+        compared |= {name} if wanted else set()
         if wanted and wanted != found[name]:
             raise MissionError(
                 f"{path}: is another file: its SHA-256 begins with {found[name][:8]}; accepted is "
                 f"{wanted[:8]}…; {where_from(about)}"
             )
-    return found
+    return found, "nothing" if compared < found.keys() else "registered" if expected else "first result"
 
 
 def where_from(about: DataSet) -> str:
@@ -181,8 +196,6 @@ def read(about: DataSet, folder: Path) -> SensorLog:
 
 def _described(log: SensorLog, about: DataSet) -> SensorLog:
     """Return a log with the lever arm and the latency of the registry."""
-    from dataclasses import replace  # noqa: PLC0415 - here alone
-
     gnss = replace(log.gnss, lever_arm=np.array(about.lever_arm_m), latency=about.latency_s)
     return replace(log, gnss=gnss)
 
@@ -244,14 +257,15 @@ def compare(
             progress(f"{about.name}: {words}", part)
 
     tell("checking and converting", 0.0)
-    files = checked_files(about, folder, known)
+    files, checked = checked_files(about, folder, known)
     experiment = experiment_of(about, folder, library)
     run = experiment.run()
     match = _Match.of(about, run)
     rows = []
     for number, program in enumerate(PROGRAMS):
         tell(program, (1 + number) / (1 + len(PROGRAMS)))
-        rows.append(match.row(program)._replace(files=files, date=datetime.now(UTC).date().isoformat()))
+        row = match.row(program)
+        rows.append(row._replace(files=files, checked=checked, date=datetime.now(UTC).date().isoformat()))
     return rows
 
 
@@ -296,7 +310,9 @@ class _Match(NamedTuple):
         count = sum(len(withheld) for _, withheld in self.turns)
         known = errors[np.isfinite(errors).all(axis=1)]
         if not known.size:
-            return found._replace(outcome=REFUSED, reason="its positions are not finite, or nothing is known there")
+            return found._replace(
+                outcome=REFUSED, reason="its positions are not finite, or nothing is known there"
+            )
         return found._replace(
             outages=count,
             figures=figures(known),

@@ -176,9 +176,7 @@ def python_ins(given: Given, withheld: Flags) -> Callable[[], Navigated]:
     ]
     samples = np.hstack((imu.dtheta - start.gyro_bias * np.diff(imu.time)[:, None], imu.dvelocity))
     # Coning and sculling want the sample before the first one: it is taken to be equal.
-    frame = pd.DataFrame(
-        np.vstack((samples[:1], samples)), imu.time, [*util.GYRO_COLS, *util.ACCEL_COLS]
-    )
+    frame = pd.DataFrame(np.vstack((samples[:1], samples)), imu.time, [*util.GYRO_COLS, *util.ACCEL_COLS])
     increments = strapdown.compute_increments_from_imu(frame, "increment")
     euler = np.degrees(euler_from_quaternion(start.q_nb))
     first = np.concatenate((np.degrees(start.position[:2]), start.position[2:], start.velocity_n, euler))
@@ -254,9 +252,7 @@ def sidereon(given: Given, withheld: Flags) -> Callable[[], Navigated]:
     ]
     spec = program.ImuSpec(*white, *sizes, *taus)
     coupling = program.LooseCouplingConfig(given.lever_arm.tolist())
-    engine = program.InertialFilter.with_config(
-        state, program.InertialFilterConfig(spec, loose=coupling)
-    )
+    engine = program.InertialFilter.with_config(state, program.InertialFilterConfig(spec, loose=coupling))
 
     def navigate() -> Navigated:
         places, attitudes = np.empty((time.size, 3)), np.empty((time.size, 3, 3))

@@ -135,10 +135,10 @@ class DataSet:
     imu_late_s: float = 0.0
 
     @property
-    def terms(self) -> str:
+    def terms(self) -> tuple[str, ...]:
         """Where its protocol and its settings are from, in words."""
-        assumed = "; ".join(self.assumed) or "the lab's defaults, for all programs"
-        return f"protocol: {self.protocol.basis}; settings: {assumed}"
+        shared = self.assumed or ("the lab's defaults, for all programs",)
+        return (f"protocol: {self.protocol.basis}", *(f"settings: {one}" for one in shared))
 
 
 @cache
