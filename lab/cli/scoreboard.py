@@ -37,7 +37,7 @@ def scoreboard(
         typer.Option(
             "--data",
             metavar="FOLDER",
-            help="Folder with the folders of the sets, or that of one; without it, the kept results are shown.",
+            help="Folder with a folder of each set, or that of one; without it, kept results are shown.",
             show_default=False,
         ),
     ] = None,

@@ -37,7 +37,7 @@ _TAG_HEAD = struct.Struct("<60xIId")
 _TAG_PAIR = 8
 """Bytes of each of them: tick [ms], and place in the file."""
 _MILLI, _MICRO = 1e-3, 1e-6  # [s]
-_POS_COLUMNS = 18
+_POS_COLUMNS = 19
 """Numbers after the time of a solution file of RTKLIB with velocities, up to their σ."""
 _NCLT_ORIGIN = np.array([np.radians(42.293227), np.radians(-83.709657), 270.0])
 """Place at which positions of NCLT are linearised: latitude, longitude [rad], height [m]."""
@@ -112,7 +112,7 @@ def _log(
 
 
 def gnss_imu(folder: Path, about: DataSet) -> SensorLog:
-    """Read a set of GNSS_IMU: its converted IMU, or the recorded one with its time tag, and a solution file."""
+    """Read a set of GNSS_IMU: its IMU, converted or as recorded with a time tag, and a solution file."""
     converted = sorted(folder.glob("imu_*_sf.csv"))
     if converted:
         table = _numbers(_one(folder, "imu_*_sf.csv"), 7, ",")
@@ -176,8 +176,8 @@ def _rtklib(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]
             text.next_line += len(lines)
     table = np.array(rows, dtype=np.float64).reshape(-1, _POS_COLUMNS)
     position = np.column_stack((np.radians(table[:, :2]), table[:, 2]))
-    velocity_n = table[:, 12:15] * (1, 1, -1)
-    return np.array(times), position, velocity_n, np.hstack((table[:, 5:8], table[:, 15:18]))
+    velocity_n = table[:, 13:16] * (1, 1, -1)
+    return np.array(times), position, velocity_n, np.hstack((table[:, 5:8], table[:, 16:19]))
 
 
 def navego(folder: Path, about: DataSet) -> SensorLog:
@@ -262,7 +262,7 @@ def _nclt_truth(rows: FloatArray) -> Reference:
 
 
 def comma2k19(folder: Path, about: DataSet) -> SensorLog:
-    """Read a segment of comma2k19: the IMU forward, right, down, the u-blox receiver, and the camera's poses."""
+    """Read a segment of comma2k19: IMU forward, right, down, u-blox receiver, and the poses of the camera."""
     logged, pose = folder / "processed_log", folder / "global_pose"
     times, rates = _pair(logged / "IMU" / "gyro_uncalibrated", 3)
     when, forces = _pair(logged / "IMU" / "accelerometer", 3)
@@ -284,8 +284,8 @@ def _pair(folder: Path, columns: int) -> tuple[FloatArray, FloatArray]:
     times, values = npy_array(folder / "t"), npy_array(folder / "value")
     if times.ndim != 1 or times.size < 2 or values.shape != (times.size, columns):
         raise MissionError(
-            f"{folder}: t has the size {times.shape} and value {values.shape}; accepted are two times or more, "
-            f"and {columns} numbers for each"
+            f"{folder}: t has the size {times.shape} and value {values.shape}; accepted are two times or "
+            f"more, and {columns} numbers for each"
         )
     return times, values
 

@@ -40,7 +40,7 @@ def npy_array(path: Path) -> FloatArray:
             (2, 0): np.lib.format.read_array_header_2_0,
         }[version]
         shape, order, dtype = read_head(stream)
-    except (ValueError, KeyError, TypeError, SyntaxError, MemoryError) as error:
+    except Exception as error:  # a damaged head raises whatever the parser of Python happens to meet
         raise MissionError(f"{path}: is no array of NumPy: {error}") from error
     if dtype.kind not in "fiu" or math.prod(shape) * dtype.itemsize != len(content) - stream.tell():
         raise MissionError(
@@ -67,7 +67,8 @@ def mat_structure(
 
     plain = _decompressed(path, whole(path, MAX_BYTES))
     try:
-        found = loadmat(io.BytesIO(plain), variable_names=[name], struct_as_record=True)[name]
+        file: Any = io.BytesIO(plain)
+        found = loadmat(file, variable_names=[name], struct_as_record=True)[name]
         fields: Mapping[str, Any] = {field: found[field].item() for field in found.dtype.names or ()}
     except Exception as error:  # a damaged file raises whatever the parser happens to meet
         raise MissionError(
@@ -90,7 +91,7 @@ def _real(path: Path, field: str, values: Any) -> FloatArray:
 
 
 def _decompressed(path: Path, content: bytes) -> bytes:
-    """Return a file of MATLAB 5 without compressed elements, which may be large together only up to a limit."""
+    """Return a file of MATLAB 5 without compressed elements, whose sizes together are bounded."""
     if content[:6] != b"MATLAB" or content[126:128] != b"IM":
         raise MissionError(
             f"{path}: is no file of MATLAB 5, little-endian; accepted is what save writes without -v7.3"

@@ -1,4 +1,4 @@
-"""Comparison: a data set, navigated by every program under its protocol, with figures and what they rest on."""
+"""Comparison: a data set, navigated by each program under its protocol: figures, and what they rest on."""
 
 from __future__ import annotations
 
@@ -88,10 +88,10 @@ class Row(NamedTuple):
     version: str = ""
     date: str = ""
     outages: int = 0
-    figures: Mapping[str, float] = {}  # noqa: RUF012 - nothing writes into it
+    figures: Mapping[str, float] = {}
     processor_s: float = 0.0
     log_s: float = 0.0
-    files: Mapping[str, str] = {}  # noqa: RUF012 - likewise
+    files: Mapping[str, str] = {}
     checked: str = ""
     settings: str = ""
 
@@ -428,8 +428,8 @@ _SHARED = "increments, fixes with their covariances, start with its σ, noise an
 _ASSUMED = {
     LAB: "settings of the set, otherwise defaults; 15 states",
     "python-ins": f"{_SHARED} of our filter; run_feedback_filter, otherwise defaults; 15 states",
-    "sidereon": f"{_SHARED} of our filter, without the gyro biases; InertialFilter, EKF, update_loose, otherwise "
-    "defaults; 15 states",
+    "sidereon": f"{_SHARED} of our filter, without the gyro biases; InertialFilter, EKF, update_loose, "
+    "otherwise defaults; 15 states",
 }
 """What each program assumes."""
 _NOTES = {

@@ -30,8 +30,8 @@ _WARM = 50
 _SATELLITES = 8
 """Number of satellites that sidereon is told of each fix; it does not change its weight."""
 _FROZEN = 1e-6
-"""σ of the gyro biases of sidereon [rad/s], and their drive over a second: they stay what the start has found. If
-it estimates them, version 3.0.4 diverges within a minute, also at rest with perfect sensors."""
+"""σ of the gyro biases of sidereon [rad/s], and their drive over a second: they stay what the start found.
+If it estimates them, version 3.0.4 diverges within a minute, also at rest with perfect sensors."""
 _ROUNDING = 1e-9  # of time stamps [s]
 GYRO, ACCEL, GYRO_DRIVE, ACCEL_DRIVE = (slice(3 * at, 3 * at + 3) for at in range(4))
 """Places of the densities of noise, and of the drives of the biases, in `Belief.noise`."""
@@ -155,7 +155,7 @@ def python_ins(given: Given, withheld: Flags) -> Callable[[], Navigated]:
         """A measurement with a covariance of its own."""
 
         def __init__(self, data: Any, rows: NDArray[np.intp], block: slice) -> None:
-            super().__init__(data, 1.0, given.lever_arm)
+            super().__init__(data, 1.0, given.lever_arm)  # type: ignore[call-arg]
             self.each = dict(zip(data.index, given.R[rows, block, block], strict=True))
 
         def compute_matrices(self, time: float, pva: Any, error_model: Any) -> Any:
@@ -285,7 +285,7 @@ def _resolved(position: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _split(
     imu: Imu, fixes: FloatArray, gyro_bias: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, dict[int, int]]:
-    """Return increments that also end at each fix, without a bias, and the number of the fix at their ends."""
+    """Return increments that also end at each fix, without a bias, and the fix at the end of some."""
     time = np.union1d(imu.time, fixes)
     time = time[np.append(True, np.diff(time) > _ROUNDING)]
     parts = []

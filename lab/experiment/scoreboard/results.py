@@ -1,7 +1,7 @@
 """Results: the rows that stood, in a JSON file under version control. A row is replaced, and never removed.
 
-Each row of the registry's sets and programs has a number, in the order in which they first stood; a row that is
-taken away leaves a gap. Figures that a newer row replaces stay in it under ``earlier``.
+Each row of the registry's sets and programs has a number, in the order in which they first stood; a row that
+is taken away leaves a gap. Figures that a newer row replaces stay in it under ``earlier``.
 """
 
 from __future__ import annotations
@@ -64,11 +64,7 @@ def kept_rows(path: Path = RESULTS) -> list[Kept]:
     """
     try:
         content = json.loads(whole(path, MAX_BYTES))
-        if (content["schema"], content["schema_version"]) != (SCHEMA, VERSION):
-            raise MissionError(
-                f"{path}: is {content['schema']!r}, version {content['schema_version']}; accepted is "
-                f"{SCHEMA!r}, version {VERSION}"
-            )
+        form = content["schema"], content["schema_version"]
         found = [
             Kept(int(one.pop("number")), earlier=tuple(one.pop("earlier", ())), row=Row(**one))
             for one in content["rows"]
@@ -77,6 +73,8 @@ def kept_rows(path: Path = RESULTS) -> list[Kept]:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise MissionError(f"{path}: is no file of results of the scoreboard: {error}") from error
+    if form != (SCHEMA, VERSION):
+        raise MissionError(f"{path}: is {form[0]!r}, version {form[1]}; accepted is {SCHEMA!r}, {VERSION}")
     if [one.number for one in found] != list(range(1, len(found) + 1)):
         raise MissionError(
             f"{path}: the numbers of its rows are not 1 to {len(found)}: a row was removed or moved"
