@@ -84,9 +84,11 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
     there = {about.name: folder_of(about, data, alone=wanted) for about in chosen}
     absent = [about for about in chosen if there[about.name] is None]
     if len(absent) == len(chosen):
-        what = f"{chosen[0].name}: {where_from(chosen[0])}" if wanted else "none of the sets"
         names = ", ".join(about.name for about in chosen)
-        raise CommandError(f"--data {data}: has no folder of {what}; accepted are folders named {names}")
+        where = f"; {where_from(chosen[0])}" if wanted else ""
+        raise CommandError(
+            f"--data {data}: has no set; accepted is a folder with folders named {names}{where}"
+        )
     old = kept_rows(keep) if keep is not None and keep.exists() else []
     known = old or kept_rows()
     found: list[tuple[DataSet, list[Row]]] = []

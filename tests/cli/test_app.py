@@ -39,6 +39,7 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         "numbers",
         "receiver",
         "calibrate",
+        "scoreboard",
         "live",
         "lesson",
         "homework",
