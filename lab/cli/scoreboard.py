@@ -86,9 +86,7 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
     if len(absent) == len(chosen):
         names = ", ".join(about.name for about in chosen)
         where = f"; {where_from(chosen[0])}" if wanted else ""
-        raise CommandError(
-            f"--data {data}: has no set; accepted is a folder with folders named {names}{where}"
-        )
+        raise CommandError(f"--data {data}: has no set; accepted are folders in it named {names}{where}")
     old = kept_rows(keep) if keep is not None and keep.exists() else []
     known = old or kept_rows()
     found: list[tuple[DataSet, list[Row]]] = []

@@ -66,7 +66,7 @@ def test_the_version_is_the_one_installed() -> None:
             [
                 "no command 'sail'",
                 "missions, run, report, figure, compare, ensemble, sweep, outage, budget, identify, numbers",
-                "receiver, calibrate, judge, fly",
+                "receiver, calibrate, judge, scoreboard, fly",
                 "cards",
                 "allan",
                 "serve",

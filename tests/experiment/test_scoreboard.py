@@ -284,9 +284,7 @@ def test_a_file_of_results_is_read_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     digests, errors = {"imu.csv": "ab" * 32}, figures(np.ones((2, 3)))
     new = [
-        Row(
-            "nclt", program, RUN, "x", "1", "2026-01-01", 2, errors, 0.5, 90.0, digests, "nothing", "settings"
-        )
+        Row("nclt", program, RUN, "x", "1", "2026-01-01", 2, errors, 0.5, 90.0, digests, "nothing", "all")
         for program in PROGRAMS
     ]
     keep(path, merged([], new))
