@@ -426,7 +426,7 @@ def figures(errors: FloatArray) -> dict[str, float]:
 
 _SHARED = "increments, fixes with their covariances, start with its σ, noise and drive of the biases"
 _ASSUMED = {
-    LAB: "settings of the set, otherwise defaults; 15 states",
+    LAB: "settings of the set, otherwise defaults, among them updates of the gyro biases at rest; 15 states",
     "python-ins": f"{_SHARED} of our filter; run_feedback_filter, otherwise defaults; 15 states",
     "sidereon": f"{_SHARED} of our filter, without the gyro biases; InertialFilter, EKF, update_loose, "
     "otherwise defaults; 15 states",
