@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lab.base.files.mission_error import MissionError
+from lab.base.parameters.setting_error import SettingError
 from lab.cli.app import CommandError, print_json, working
 from lab.cli.options import AsJson
 from lab.cli.terminal import table
@@ -90,14 +92,23 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
     old = kept_rows(keep) if keep is not None and keep.exists() else []
     known = old or kept_rows()
     found: list[tuple[DataSet, list[Row]]] = []
+    refused: list[ValueError] = []
     for about in chosen:
         folder = there[about.name]
         if folder is None:
             continue
-        with working(about.name) as progress, TemporaryDirectory() as library:
-            rows = compare(about, folder, Path(library), progress, known_files(known, about.name))
+        try:
+            with working(about.name) as progress, TemporaryDirectory() as library:
+                rows = compare(about, folder, Path(library), progress, known_files(known, about.name))
+        except (CommandError, MissionError, SettingError) as error:
+            refused.append(error)
+            continue
         found.append((about, rows))
+    if not found:
+        raise refused[0]
     _show(found, as_json)
+    for error in refused:
+        print(f"ins-lab: {error}", file=sys.stderr)
     for about in absent:
         print(f"ins-lab: {about.name} is not in {data}: {where_from(about)}", file=sys.stderr)
     if keep is not None:
@@ -105,6 +116,8 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
             write(keep, merged(old, [row for _, rows in found for row in rows]))
         except OSError as error:
             raise CommandError(f"--keep {keep}: cannot be written: {error.strerror or error}") from error
+    if refused:
+        raise typer.Exit(2)
 
 
 def _show(found: Sequence[tuple[DataSet, Sequence[Row]]], as_json: bool) -> None:

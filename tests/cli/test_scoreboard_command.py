@@ -109,3 +109,18 @@ def test_wrong_uses_are_answered(
 def test_a_short_set_is_refused_with_its_length(tmp_path: Path) -> None:
     public_sets.kf_gins(tmp_path / "kf_gins", 60)
     refused(ask("scoreboard", "--data", str(tmp_path)), "no outage of 60 s fits")
+
+
+@pytest.mark.usefixtures("alone")
+def test_a_set_that_is_refused_does_not_take_the_others_along(tmp_path: Path) -> None:
+    public_sets.kf_gins(tmp_path / "kf_gins")
+    (tmp_path / "nclt").mkdir()
+    (tmp_path / "nclt" / "ms25.csv").write_text("1,2\n")
+    (tmp_path / "nclt" / "gps.csv").write_text("1,2\n")
+    file = tmp_path / "results.json"
+    answer = ask("scoreboard", "--data", str(tmp_path), "--keep", str(file))
+    assert answer.exit_code == 2
+    assert "kf_gins: car" in answer.stdout
+    assert "ms25.csv: line 1 is '1,2'; accepted are 10 numbers a row" in answer.stderr
+    kept = {one.key: one.row.outcome for one in kept_rows(file)}
+    assert (kept["kf_gins", "INS Lab"], kept["nclt", "INS Lab"]) == ("run", "data not at hand")

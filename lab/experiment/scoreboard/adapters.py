@@ -100,13 +100,15 @@ def _fixes(
 
 def _log(
     folder: Path,
+    about: DataSet,
     time: FloatArray,
     samples: FloatArray,
     gnss: GnssLog,
     reference: Reference | None,
-    vehicle: str = "",
 ) -> SensorLog:
-    log = repaired(str(folder), time, samples, gnss, reference, auxiliary=AuxiliaryData(vehicle=vehicle))
+    log = repaired(
+        str(folder), time, samples, gnss, reference, auxiliary=AuxiliaryData(vehicle=about.vehicle)
+    )
     check_log(log)
     return log
 
@@ -123,7 +125,7 @@ def gnss_imu(folder: Path, about: DataSet) -> SensorLog:
     samples = np.hstack((rate @ C.T, force * STANDARD_GRAVITY @ C.T))
     fixes, position, velocity_n, sigma = _rtklib(_one(folder, "gnss_*.pos"))
     gnss = _fixes(about, fixes, position, velocity_n, sigma)
-    return _log(folder, time - about.imu_late_s, samples, gnss, None)
+    return _log(folder, about, time - about.imu_late_s, samples, gnss, None)
 
 
 def _tagged(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -203,7 +205,7 @@ def navego(folder: Path, about: DataSet) -> SensorLog:
     attitude = np.column_stack(euler) if len(euler) == 3 else np.full((rows, 3), np.nan)
     velocity = _three(folder, truth, "vel")
     reference = Reference(truth["t"].ravel(), _place(folder, truth), velocity, attitude)
-    return _log(folder, imu["t"].ravel(), samples, fixes, reference)
+    return _log(folder, about, imu["t"].ravel(), samples, fixes, reference)
 
 
 _PLACE = ("t", "lat", "lon", "h", "vel")
@@ -242,7 +244,7 @@ def nclt(folder: Path, about: DataSet) -> SensorLog:
     gnss = _fixes(about, fixes[:, 0] * _MICRO, fixes[:, 3:6], velocity_n)
     truth = sorted(folder.glob("groundtruth*.csv"))
     reference = _nclt_truth(_numbers(truth[0], 7, ",")) if truth else None
-    return _log(folder, imu[:, 0] * _MICRO, np.hstack((imu[:, 7:10], imu[:, 4:7])), gnss, reference)
+    return _log(folder, about, imu[:, 0] * _MICRO, np.hstack((imu[:, 7:10], imu[:, 4:7])), gnss, reference)
 
 
 def _nclt_truth(rows: FloatArray) -> Reference:
@@ -276,7 +278,7 @@ def comma2k19(folder: Path, about: DataSet) -> SensorLog:
     place = np.column_stack((np.radians(values[:, :2]), values[:, 4]))
     reference = _camera(pose) if pose.is_dir() else None
     samples = np.hstack((rates, forces))[within]
-    return _log(folder, times[within], samples, _fixes(about, stamps, place, velocity_n), reference, "car")
+    return _log(folder, about, times[within], samples, _fixes(about, stamps, place, velocity_n), reference)
 
 
 def _pair(folder: Path, columns: int) -> tuple[FloatArray, FloatArray]:

@@ -108,8 +108,12 @@ def folder_of(about: DataSet, data: Path, *, alone: bool = False) -> Path | None
     """
     if (data / about.name).is_dir():
         return data / about.name
-    holds_files = any(path.is_file() and _is_read(about, path, data) for path in data.rglob("*"))
-    return data if data.resolve().name == about.name or (alone and holds_files) else None
+    if data.resolve().name == about.name:
+        return data
+    is_own = alone and any(
+        path.name == "processed_log" or _is_read(about, path, data) for path in data.iterdir()
+    )
+    return data if is_own else None
 
 
 def checked_files(
@@ -171,8 +175,19 @@ def _is_read(about: DataSet, path: Path, folder: Path) -> bool:
     if about.layout == "navego":
         return path.name in {file for file, _ in about.structures.values()}
     if about.layout == "comma2k19":
-        return path.name in ("t", "value") or path.name.startswith("frame_")
-    return path.suffix in (".csv", ".txt", ".pos", ".tag", ".nav", ".bin")
+        return path.relative_to(folder).match(_SEGMENT) or path.parent.name == "global_pose"
+    return path.parent == folder and any(path.match(pattern) for pattern in _PATTERNS[about.layout])
+
+
+_SEGMENT = "processed_log/*/*/*"
+"""The arrays of a segment of comma2k19 that are read are among these."""
+_PATTERNS = {
+    "log": ("imu.csv", "gnss.csv", "ref.csv"),
+    "tables": ("*.csv", "*.txt", "*.nav", "*.bin"),
+    "gnss-imu": ("imu_*.csv", "imu_*.tag", "gnss_*.pos"),
+    "nclt": ("ms25.csv", "gps.csv", "groundtruth*.csv"),
+}
+"""Names of the files of each layout in the folder of a set."""
 
 
 def read(about: DataSet, folder: Path) -> SensorLog:
@@ -185,10 +200,10 @@ def read(about: DataSet, folder: Path) -> SensorLog:
     """
     if _is_log(folder):
         files = log_files(folder)
-        return _described(files.read(), about)
+        return _described(replace(files, vehicle=files.vehicle or about.vehicle).read(), about)
     if about.layout == "tables":
         paths = sorted(path for path in folder.iterdir() if path.is_file() and _is_read(about, path, folder))
-        return _described(read_log(paths), about)
+        return _described(read_log(paths, axes=about.axes, vehicle=about.vehicle), about)
     if about.layout not in ADAPTERS:
         raise MissionError(f"{folder}: has no imu.csv and gnss.csv; {where_from(about)}")
     return ADAPTERS[about.layout](folder, about)

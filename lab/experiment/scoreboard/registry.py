@@ -114,6 +114,10 @@ class DataSet:
         Rotation of the vehicle to the IMU, as GNSS_IMU configures it [°].
     imu_late_s : float
         By how much the stamps of the IMU are late [s].
+    vehicle : str
+        Kind of vehicle; empty if unknown.
+    axes : tuple of str
+        Axes of the IMU of a table that point forward, right, down; empty: the data show them.
     """
 
     name: str
@@ -133,6 +137,8 @@ class DataSet:
     latency_s: float = 0.0
     imu_rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     imu_late_s: float = 0.0
+    vehicle: str = ""
+    axes: tuple[str, ...] = ()
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -166,7 +172,7 @@ def _of(table: Mapping[str, Any]) -> DataSet:
     made["protocol"] = Protocol(**made["protocol"])
     made["published"] = tuple(Published(**one) for one in made.get("published", ()))
     made["assumed"] = tuple(f"{one['what']}: {one['basis']}" for one in made.get("assumed", ()))
-    for name in ("lever_arm_m", "imu_rpy_deg"):
+    for name in ("lever_arm_m", "imu_rpy_deg", "axes"):
         if name in made:
             made[name] = tuple(made[name])
     return DataSet(**made)
