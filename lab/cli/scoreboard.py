@@ -107,8 +107,8 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
     if not found:
         raise refused[0]
     _show(found, as_json)
-    for error in refused:
-        print(f"ins-lab: {error}", file=sys.stderr)
+    for reason in refused:
+        print(f"ins-lab: {reason}", file=sys.stderr)
     for about in absent:
         print(f"ins-lab: {about.name} is not in {data}: {where_from(about)}", file=sys.stderr)
     if keep is not None:
