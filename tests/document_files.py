@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import public_sets
 from calibration_logs import bench, errors, fields, write_bench
 from calibration_logs import drive as askew_drive
 from copter_logs import copter
@@ -178,6 +179,7 @@ FILES: dict[str, Callable[[Path], Any]] = {
     **{name: partial(kf_gins, one) for name, one in _KF_GINS.items()},
     "my_logger.csv": logged,
     "my_logger.toml": lambda path: written(path, toml_of("docs/profiles.md", 0)),
+    "recordings": lambda path: public_sets.kf_gins(path / "kf_gins", 110),
     "my_drive": drive,
     "drive": drive,
     "my_car": of_car,

@@ -48,6 +48,7 @@ SHOWN = {
     "shell": "see tests/cli/test_document_commands.py",
     "{toctree}": "by Sphinx",
     "{ledger}": "by Sphinx",
+    "{scoreboard}": "by Sphinx",
 }
 """Blocks of other languages, and what they are."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]

@@ -40,6 +40,7 @@ extensions = [
     "mathml",
     "page_titles",
     "percent",
+    "scoreboard",
     "settings_list",
     "source_links",
     "themed_pictures",

@@ -70,6 +70,10 @@ COMMANDS |= {
         "lab.cli.judge:judge",
         "Judge the filter of an autopilot's log, or of a csv of innovations.",
     ),
+    "scoreboard": (
+        "lab.cli.scoreboard:scoreboard",
+        "Navigate public data sets with the lab and with other programs, and show who is ahead.",
+    ),
     "fly": (
         "lab.cli.fly:fly",
         "Fly a mission's plan and record it.",

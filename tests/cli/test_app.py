@@ -39,6 +39,7 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         "numbers",
         "receiver",
         "calibrate",
+        "scoreboard",
         "live",
         "lesson",
         "homework",
@@ -65,7 +66,7 @@ def test_the_version_is_the_one_installed() -> None:
             [
                 "no command 'sail'",
                 "missions, run, report, figure, compare, ensemble, sweep, outage, budget, identify, numbers",
-                "receiver, calibrate, judge, fly",
+                "receiver, calibrate, judge, scoreboard, fly",
                 "cards",
                 "allan",
                 "serve",

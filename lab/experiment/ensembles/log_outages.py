@@ -93,16 +93,9 @@ def _outages_of(
     first, last = again.span
     settled = first + min(SETTLING, LARGEST_PART * (last - first))
     found: list[OutageErrors] = []
-    for turn in range(TURNS):
+    for turn, withheld in outage_turns(again.stamps, settled, last, seconds):
         tell((1 + turn) / (1 + TURNS))
-        begins = np.arange(settled + turn * seconds, last - seconds + _ROUNDING, TURNS * seconds)
-        withheld = [_fixes_of(again.stamps, begin, seconds) for begin in begins]
-        withheld = [rows for rows in withheld if rows.size]
-        if not withheld:
-            continue
-        mask: Flags = np.zeros(again.stamps.size, dtype=np.bool_)
-        mask[np.concatenate(withheld)] = True
-        seen = innovations_of_withheld(again, run.experiment, mask)
+        seen = innovations_of_withheld(again, run.experiment, masked(again.stamps, withheld))
         found += [
             _errors_of(seen.innovation, seen.covariance, again.stamps, rows, since, turn) for rows in withheld
         ]
@@ -113,6 +106,39 @@ def _outages_of(
         )
     R = np.median(run.belief.R.reshape(-1, *run.belief.R.shape[-2:]), axis=0)
     return OutageErrors.joined(found), float(np.sqrt(R[0, 0] + R[1, 1]))
+
+
+def outage_turns(
+    stamps: FloatArray, start: float, end: float, seconds: float, turns: int = TURNS
+) -> list[tuple[int, list[Indices]]]:
+    """Return the fixes that each outage withholds, turn by turn; turns without an outage are left out.
+
+    Parameters
+    ----------
+    stamps : (m,) array
+        Time stamps of the fixes [s].
+    start, end
+        First begin, and latest end of an outage [s].
+    seconds
+        Length of an outage [s].
+    turns
+        Number of turns, each an outage later than the one before.
+    """
+    found = []
+    for turn in range(turns):
+        begins = np.arange(start + turn * seconds, end - seconds + _ROUNDING, TURNS * seconds)
+        withheld = [_fixes_of(stamps, begin, seconds) for begin in begins]
+        withheld = [rows for rows in withheld if rows.size]
+        if withheld:
+            found.append((turn, withheld))
+    return found
+
+
+def masked(stamps: FloatArray, withheld: Sequence[Indices]) -> Flags:
+    """Return the mask (m,) of the fixes that some outages withhold."""
+    mask: Flags = np.zeros(stamps.size, dtype=np.bool_)
+    mask[np.concatenate(withheld)] = True
+    return mask
 
 
 def _fixes_of(stamps: FloatArray, begin: float, seconds: float) -> Indices:
