@@ -174,7 +174,8 @@ class SavedResult:
 
     def _seeds(self) -> Any:
         """Return the seeds of a sweep, or their ranges of an ensemble."""
-        seeds = self.facts["seeds"] if self.kind == "sweep" else self.facts.get("seeds")
+        has_none = self.kind == "ensemble" and "result_sha256" in self.facts  # that of a log
+        seeds = self.facts.get("seeds") if has_none else self.facts["seeds"]
         return json.loads(seeds) if isinstance(seeds, str) else seeds
 
     def _given(self, accepted: tuple[str, ...]) -> dict[str, Any]:
@@ -222,7 +223,8 @@ class SavedResult:
         return [*super().__dir__(), *self.datasets]
 
     def __repr__(self) -> str:
-        facts = self.facts
+        settings = self.facts.get("settings")
+        facts = {**(settings if isinstance(settings, Mapping) else {}), **self.facts}
         by = (
             f", ins-lab {facts['versions'].get('ins-lab')}"
             if isinstance(facts.get("versions"), Mapping)
@@ -346,7 +348,9 @@ def _of_netcdf(path: Path) -> SavedResult:
     tables = {
         name: parse_toml(str(attributes[name])) for name in ("versions", "settings") if name in attributes
     }
-    return SavedResult(path, {**attributes, **tables}, datasets)
+    kinds = {"": SWEEP, "runs": ENSEMBLE, "outages": OUTAGES}  # files of version 0.1 do not say so
+    schema = next((kind for name, kind in kinds.items() if name in datasets), RESULT)
+    return SavedResult(path, {"schema": schema, **attributes, **tables}, datasets)
 
 
 def _of_json(path: Path) -> SavedResult:

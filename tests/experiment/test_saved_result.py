@@ -221,6 +221,15 @@ def test_files_of_version_0_1_still_open(result: Result, tmp_path: Path) -> None
         with pytest.raises(ResultError, match=r"since version 0\.2"):
             saved.is_repeated_by(again)
     assert open_result(tmp_path / "run.nc").errors.sizes == result.errors.sizes
+    # Many runs open, too; their files do not say what was run.
+    for group, kind in (("", "sweep"), ("runs", "ensemble"), ("outages", "outages")):
+        tree = xr.DataTree.from_dict({f"/{group}": xr.Dataset({"nis": ("seed", [6.0])}, {"seed": [1]})})
+        tree.attrs |= {"title": "many", "settings": settings}
+        tree.to_netcdf(tmp_path / f"{kind}.nc")
+        saved = open_result(tmp_path / f"{kind}.nc")
+        assert (saved.kind, saved.datasets[group].nis.item()) == (kind, 6.0)
+        with pytest.raises(ResultError, match="does not say what was run"):
+            saved.run()
 
 
 def test_a_newer_file_is_refused_in_words(result: Result, files: dict[str, Path], tmp_path: Path) -> None:
