@@ -32,6 +32,7 @@ from lab.navigation.algorithm import Algorithm
 from lab.run.provenance import (
     ENSEMBLE,
     LARGEST,
+    OUTAGES,
     RESULT,
     SWEEP,
     VERSIONS,
