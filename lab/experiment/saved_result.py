@@ -224,7 +224,7 @@ class SavedResult:
         return [*super().__dir__(), *self.datasets]
 
     def __repr__(self) -> str:
-        settings = self.facts.get("settings")
+        settings = {} if "made" in self.facts else self.facts.get("settings")  # all that version 0.1 wrote
         facts = {**(settings if isinstance(settings, Mapping) else {}), **self.facts}
         by = (
             f", ins-lab {facts['versions'].get('ins-lab')}"

@@ -12,6 +12,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal
 
 import holoviews as hv
+import numpy as np
 
 from lab.views.sweep_figure import labelled
 
@@ -131,7 +132,8 @@ class PaperPanel:
         axes.set_axisbelow(True)
         names: tuple[Literal["x", "y"], ...] = ("x", "y")
         for name, is_log in zip(names, (options.get("logx"), options.get("logy")), strict=True):
-            if is_log:
+            # What has no positive value, such as the σ of a state that is known, has no logarithm.
+            if is_log and np.isfinite(getattr(axes.dataLim, f"minpos{name}")):
                 getattr(axes, f"set_{name}scale")("log")
                 _plain_numbers(getattr(axes, f"{name}axis"))
             elif f"{name}ticks" not in options:
