@@ -12,7 +12,6 @@ from __future__ import annotations
 import gzip
 import json
 import os
-import re
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -21,9 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lab.base.files.file_content import check_file
-from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
-from lab.base.parameters.toml_file import TomlError, parse_toml
+from lab.base.parameters.toml_file import parse_toml
 from lab.base.progress import Progress
 from lab.base.registry import find
 from lab.experiment.experiment import Experiment
@@ -32,6 +30,7 @@ from lab.navigation.algorithm import Algorithm
 from lab.run.provenance import (
     ENSEMBLE,
     LARGEST,
+    OUTAGES,
     RESULT,
     SWEEP,
     VERSIONS,
@@ -46,13 +45,15 @@ if TYPE_CHECKING:
 
 LARGEST_TEXT = 2**26
 """Largest JSON, report or picture that is read [bytes]; a report has 1.5 MB, mostly scripts."""
+LARGEST_DATA = 2**34
+"""Most memory of the datasets of a file [bytes]; four hours at 200 Hz take 2 GB."""
 HEADED = (".tum", ".pos", ".csv", ".csv.gz", ".kml", ".gpx")
 """Endings of files of text that begin with the facts."""
 WHOLE = (".html", ".svg", ".pdf", ".png")
 """Endings of files in which they stand anywhere."""
 ACCEPTED = f"netCDF (.nc), JSON, {', '.join((*HEADED, '.parquet', *WHOLE))}, and a folder of csv files"
 """What can be opened, as text."""
-_SETTINGS = re.compile(r'<pre id="settings">(.*?)</pre>', re.S)
+_SETTINGS = '<pre id="settings">'
 """Where a report has its settings."""
 
 
@@ -174,7 +175,8 @@ class SavedResult:
 
     def _seeds(self) -> Any:
         """Return the seeds of a sweep, or their ranges of an ensemble."""
-        seeds = self.facts["seeds"] if self.kind == "sweep" else self.facts.get("seeds")
+        has_none = self.kind == "ensemble" and "result_sha256" in self.facts  # that of a log
+        seeds = self.facts.get("seeds") if has_none else self.facts["seeds"]
         return json.loads(seeds) if isinstance(seeds, str) else seeds
 
     def _given(self, accepted: tuple[str, ...]) -> dict[str, Any]:
@@ -222,7 +224,8 @@ class SavedResult:
         return [*super().__dir__(), *self.datasets]
 
     def __repr__(self) -> str:
-        facts = self.facts
+        settings = {} if "made" in self.facts else self.facts.get("settings")  # all that version 0.1 wrote
+        facts = {**(settings if isinstance(settings, Mapping) else {}), **self.facts}
         by = (
             f", ins-lab {facts['versions'].get('ins-lab')}"
             if isinstance(facts.get("versions"), Mapping)
@@ -260,7 +263,8 @@ def open_result(path: str | os.PathLike[str]) -> SavedResult:
         saved = _read(path)
     except ResultError:
         raise
-    except (TomlError, MissionError, OSError, EOFError, ValueError, RecursionError, zlib.error) as error:
+    # Besides what the readers of text raise, the netCDF library has these for damaged files.
+    except (OSError, EOFError, ValueError, RuntimeError, LookupError, TypeError, zlib.error) as error:
         words = getattr(error, "strerror", None) or error
         raise ResultError(f"{path}: cannot be read: {words}") from error
     _check_version(saved)
@@ -334,6 +338,11 @@ def _of_netcdf(path: Path) -> SavedResult:
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     with xr.open_datatree(path, engine="netcdf4") as tree:
+        if (size := sum(leaf.nbytes for leaf in tree.leaves)) > LARGEST_DATA:
+            raise ResultError(
+                f"{path}: its data take {size / 2**30:.0f} GB in memory; accepted are "
+                f"{LARGEST_DATA // 2**30} GB. xarray.open_datatree opens it without reading them"
+            )
         tree.load()
         datasets = {name: one.to_dataset() for name, one in tree.children.items()}
         if tree.data_vars:
@@ -346,7 +355,9 @@ def _of_netcdf(path: Path) -> SavedResult:
     tables = {
         name: parse_toml(str(attributes[name])) for name in ("versions", "settings") if name in attributes
     }
-    return SavedResult(path, {**attributes, **tables}, datasets)
+    kinds = {"": SWEEP, "runs": ENSEMBLE, "outages": OUTAGES}  # files of version 0.1 do not say so
+    schema = next((kind for name, kind in kinds.items() if name in datasets), RESULT)
+    return SavedResult(path, {"schema": schema, **attributes, **tables}, datasets)
 
 
 def _of_json(path: Path) -> SavedResult:
@@ -380,7 +391,8 @@ def _of_page_or_picture(path: Path) -> dict[str, Any]:
         facts: dict[str, Any] = _facts(path, find("figure", "note")(path))
         return facts
     text = _text(path, LARGEST_TEXT)
-    settings = _SETTINGS.search(text) if suffix == ".html" else None
-    if settings is None:
+    _, has_settings, after = text.partition(_SETTINGS)
+    if suffix != ".html" or not has_settings:
         return _facts(path, text)
-    return (facts_in(unescape(text)) or {}) | {"settings": parse_toml(unescape(settings[1]))}
+    settings = parse_toml(unescape(after.partition("</pre>")[0]))
+    return (facts_in(unescape(text)) or {}) | {"settings": settings}

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -40,8 +39,8 @@ BEGIN, END = "INS Lab: what made this file, as TOML", "INS Lab: end"
 """Marks around the facts in a text."""
 LARGEST = 2**21
 """Largest block that is read [characters]; the settings have 3000, and one with all outages 100,000."""
-
-_BLOCK = re.compile(rf"^([^\n]{{0,20}}?){re.escape(BEGIN)}\n(.*?)^\1{re.escape(END)}", re.M | re.S)
+LONGEST_SIGN = 20
+"""Longest sign of a comment, and words of XML, before a line of the block [characters]."""
 
 
 def made_now() -> str:
@@ -179,10 +178,12 @@ def facts_in(text: str) -> dict[str, Any] | None:
     TomlError
         If the block is not TOML, or too large.
     """
-    found = _BLOCK.search(text)
-    if found is None:
+    start = text.find(BEGIN)
+    sign = text[text.rfind("\n", 0, max(start, 0)) + 1 : start]
+    end = text.find(f"\n{sign}{END}", start)
+    if start < 0 or end < 0 or len(sign) > LONGEST_SIGN:
         return None
-    sign, inside = found[1], found[2]
+    inside = text[start:end].partition("\n")[2]
     if len(inside) > LARGEST:
         raise TomlError(f"too large; accepted are blocks of up to {LARGEST} characters")
     bare = sign.rstrip()

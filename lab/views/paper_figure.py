@@ -217,7 +217,7 @@ def note(path: Path) -> str:
     try:
         with Image.open(path, formats=("PNG",)) as picture:
             return str(getattr(picture, "text", {}).get("ins-lab", ""))
-    except (UnidentifiedImageError, SyntaxError) as error:
+    except (UnidentifiedImageError, Image.DecompressionBombError, SyntaxError) as error:
         raise ValueError(f"is no PNG file: {error}") from error
 
 

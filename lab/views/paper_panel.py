@@ -12,6 +12,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal
 
 import holoviews as hv
+import numpy as np
 
 from lab.views.sweep_figure import labelled
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 FEW_DECADES = 60.0
 """Ratio of the ends of a logarithmic axis below which it has more numbers than its decades."""
-SIZE, SMALLEST, LETTER, NUMBERS = 7.0, 5.5, 1.3, 9.0
+SIZE, SMALLEST, LETTER, NUMBERS = 7.0, 5.5, 1.38, 10.0
 """Size of the words [pt], the smallest that a journal prints, the width of a letter of that size, and that of
 the numbers beside a panel [mm]."""
 COLOURS = ("#0b4f8a", "#d95f02", "#3f9e6e", "#7b4a9e", "#a6761d", "#4d4d4d")
@@ -121,18 +122,18 @@ class PaperPanel:
     def _dress(self, first: Any, options: Mapping[str, Any]) -> None:
         axes = self._axes
         titled = options.get("title", "")
-        room = max(self._width - NUMBERS, NUMBERS)
-        size = max(SIZE * min(1.0, room / max(len(titled) * LETTER, 1.0)), SMALLEST)
-        letters = int(room / (LETTER * size / SIZE))
-        axes.set_title(fill(titled, max(letters, 1)), loc="left", fontsize=size)
+        words, size = self._fitted(titled)
+        axes.set_title(words, loc="left", fontsize=size)
         dimensions = [labelled(one.label, one.unit or "") for one in first.dimensions()[:2]]
-        axes.set_xlabel(options.get("xlabel", dimensions[0]))
+        words, size = self._fitted(options.get("xlabel", dimensions[0]))
+        axes.set_xlabel(words, fontsize=size)
         axes.set_ylabel(options.get("ylabel", "" if titled else dimensions[1]))
         axes.grid(visible=True)
         axes.set_axisbelow(True)
         names: tuple[Literal["x", "y"], ...] = ("x", "y")
         for name, is_log in zip(names, (options.get("logx"), options.get("logy")), strict=True):
-            if is_log:
+            # What has no positive value, such as the σ of a state that is known, has no logarithm.
+            if is_log and np.isfinite(getattr(axes.dataLim, f"minpos{name}")):
                 getattr(axes, f"set_{name}scale")("log")
                 _plain_numbers(getattr(axes, f"{name}axis"))
             elif f"{name}ticks" not in options:
@@ -145,6 +146,12 @@ class PaperPanel:
             axes.set_ylim(*limits)
         if "data_aspect" in options:
             axes.set_aspect("equal", adjustable="datalim")
+
+    def _fitted(self, words: str) -> tuple[str, float]:
+        """Return words, on several lines if needed, and their size [pt], so that they fit above the panel."""
+        room = max(self._width - NUMBERS, NUMBERS)
+        size = max(SIZE * min(1.0, room / max(len(words) * LETTER, 1.0)), SMALLEST)
+        return fill(words, max(int(room / (LETTER * size / SIZE)), 1)), size
 
     def _look(self, element: Any, style: Mapping[str, Any]) -> int:
         """Return the number of the look of what has a colour on the screen."""

@@ -93,3 +93,26 @@ def test_progress_goes_forward_to_the_end(experiment: Experiment) -> None:
     compare(experiment, ["phi"], 2, lambda what, done: told.append((what, done)))
     assert [done for _, done in told] == [0.5, 1.0]
     assert told[0][0].startswith("phi, 1 of 2 runs, ")
+
+
+def test_it_prints_as_a_table_and_gives_a_data_frame(
+    experiment: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = comparison.run_ensemble
+
+    def run_or_refuse(variant: Experiment, *given: object, **options: object) -> object:
+        if variant.navigator.model == "psi":
+            raise SettingError("navigator.model: not with this")
+        return run(variant, *given, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(comparison, "run_ensemble", run_or_refuse)
+    found = compare(experiment, ["phi", "psi"])
+    lines = str(found).splitlines()
+    assert len(lines) == 4  # titles, the name of the index, a row for each
+    assert "position [m]" in lines[0]
+    assert "Does not run: navigator.model" in lines[3]
+    frame = found.to_frame()
+    assert list(frame.index) == ["phi", "psi"]
+    assert frame.loc["phi", "position [m]"] == found[0].position
+    assert frame.loc["phi", "NEES expected"] == found[0].degrees
+    assert math.isnan(frame.loc["psi", "position [m]"])

@@ -6,6 +6,7 @@ import gzip
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -221,6 +222,15 @@ def test_files_of_version_0_1_still_open(result: Result, tmp_path: Path) -> None
         with pytest.raises(ResultError, match=r"since version 0\.2"):
             saved.is_repeated_by(again)
     assert open_result(tmp_path / "run.nc").errors.sizes == result.errors.sizes
+    # Many runs open, too; their files do not say what was run.
+    for group, kind in (("", "sweep"), ("runs", "ensemble"), ("outages", "outages")):
+        tree = xr.DataTree.from_dict({f"/{group}": xr.Dataset({"nis": ("seed", [6.0])}, {"seed": [1]})})
+        tree.attrs |= {"title": "many", "settings": settings}
+        tree.to_netcdf(tmp_path / f"{kind}.nc")
+        saved = open_result(tmp_path / f"{kind}.nc")
+        assert (saved.kind, saved.datasets[group].nis.item()) == (kind, 6.0)
+        with pytest.raises(ResultError, match="does not say what was run"):
+            saved.run()
 
 
 def test_a_newer_file_is_refused_in_words(result: Result, files: dict[str, Path], tmp_path: Path) -> None:
@@ -274,6 +284,17 @@ def test_settings_that_are_not_accepted_are_named(result: Result, tmp_path: Path
     (tmp_path / "run.tum").write_text(block_of(facts, "# "), "utf-8")
     with pytest.raises(ResultError, match="nonsense"):
         open_result(tmp_path / "run.tum").run()
+
+
+def test_a_hostile_file_takes_no_long_time(tmp_path: Path) -> None:
+    """Many beginnings without an end: a search that begins anew at each takes minutes."""
+    (tmp_path / "a.tum").write_text("# INS Lab: what made this file, as TOML\n" * 50_000, "utf-8")
+    (tmp_path / "a.html").write_text('<pre id="settings">x' * 500_000, "utf-8")
+    begun = time.process_time()
+    for name in ("a.tum", "a.html"):
+        with pytest.raises(ResultError, match=name):
+            open_result(tmp_path / name)
+    assert time.process_time() - begun < 5
 
 
 @pytest.mark.parametrize("sign", ["", "# ", "% ", "//"])
