@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -17,7 +17,7 @@ from lab.data.streams.rolling import ThinnedSamples
 from lab.data.streams.source import Source
 from lab.data.streams.source_status import Status
 from lab.live.bench.growing_allan import GrowingAllan
-from lab.live.live_navigator import LiveNavigator
+from lab.live.live_navigator import STEP, LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of
 from lab.live.owner import Owner
@@ -44,6 +44,10 @@ class Station:
         The assumptions of the live navigator.
     name
         What people call it; others may have the same.
+    step
+        Shortest time of samples that is navigated with at once [s].
+    tell
+        Called by the navigator's thread with each new state; it must not wait.
 
     Attributes
     ----------
@@ -64,7 +68,15 @@ class Station:
         Who opened it; set by `lab.live.stations.Stations`.
     """
 
-    def __init__(self, source: Source, sensors: SensorSuite, navigator: NavigatorSettings, name: str) -> None:
+    def __init__(
+        self,
+        source: Source,
+        sensors: SensorSuite,
+        navigator: NavigatorSettings,
+        name: str,
+        step: float = STEP,
+        tell: Callable[[LiveState], None] = lambda state: None,
+    ) -> None:
         self.source = source
         self.name = name
         self.thinned = ThinnedSamples()
@@ -78,7 +90,8 @@ class Station:
         self._assumed = navigator.copy()
         if self._assumed.vehicle == "auto" and source.vehicle:
             self._assumed.vehicle = source.vehicle
-        self._navigator: LiveNavigator | None = LiveNavigator(sensors, self._assumed)
+        self._step, self._tell = step, tell
+        self._navigator: LiveNavigator | None = LiveNavigator(sensors, self._assumed, step=step)
         self._state = self._navigator.state
         self._lock = threading.Lock()  # of the navigator
         self._growing: GrowingAllan | None = None
@@ -180,7 +193,7 @@ class Station:
         """Navigate with all samples that are kept again: their angular rates have another unit."""
         with self._lock, self._growing_lock:
             if self._navigator is not None:
-                self._navigator = LiveNavigator(self.sensors, self._assumed)
+                self._navigator = LiveNavigator(self.sensors, self._assumed, step=self._step)
                 self._state = self._navigator.state
             if self._growing is not None:
                 self._growing = GrowingAllan()
@@ -198,6 +211,7 @@ class Station:
         with self._lent() as navigator:
             navigator.finish()
             self._state = navigator.state
+        self._tell(self._state)
 
     def _note(self, read: Read) -> None:
         """Take note of the times of the first and the newest sample or fix."""
@@ -228,8 +242,10 @@ class Station:
         try:
             with self._lent() as navigator:
                 navigator.losses = self.source.losses  # after the samples, so that it explains them
-                if navigator.feed(read.imu, read.fix, read.reading):
-                    self._state = navigator.state
+                if not navigator.feed(read.imu, read.fix, read.reading):
+                    return
+                self._state = navigator.state
+            self._tell(self._state)
         except Exception as error:
             self.failure = f"The navigator failed: {type(error).__name__}: {error}"
             raise
