@@ -100,7 +100,7 @@ CHANNELS: Final = (
 
 def stamp_of(solution: SentSolution) -> int:
     """Return the time of the messages of a solution, by the clock of the computer [ns since 1970]."""
-    return round(1e9 * solution.unix)
+    return 1000 * round(1e6 * solution.unix)
 
 
 def messages_of(solution: SentSolution) -> dict[int, bytes]:

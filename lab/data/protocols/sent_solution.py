@@ -118,16 +118,20 @@ class SentSolution:
 
 
 def row_of(solution: SentSolution) -> dict[str, Any]:
-    """Return a solution with units in the names, as JSON can hold it; None for what is not known."""
+    """Return a solution with units in the names, as JSON can hold it; None for what is not known.
+
+    Times have microseconds, latitude and longitude 0.01 mm, and other numbers seven digits: a line fits into
+    a datagram.
+    """
     row: dict[str, Any] = {
-        "time_s": solution.time,
-        "unix_time_s": solution.unix,
-        "utc_s": solution.utc,
+        "time_s": round(solution.time, 6),
+        "unix_time_s": round(solution.unix, 6),
+        "utc_s": round(solution.utc, 6),
         "phase": solution.phase,
-        "latitude_deg": solution.latitude,
-        "longitude_deg": solution.longitude,
-        "height_ellipsoid_m": solution.ellipsoid_height,
-        "height_sea_m": solution.sea_height,
+        "latitude_deg": round(solution.latitude, 10),
+        "longitude_deg": round(solution.longitude, 10),
+        "height_ellipsoid_m": _rounded(solution.ellipsoid_height),
+        "height_sea_m": _rounded(solution.sea_height),
     }
     row |= _named(solution.position_sigma, "{}_sigma_m", _NED)
     row |= _named(solution.velocity_n, "velocity_{}_m_s", _NED)
@@ -136,8 +140,8 @@ def row_of(solution: SentSolution) -> dict[str, Any]:
     row |= _named(solution.euler_sigma, "{}_sigma_deg", _EULER)
     row["heading_is_known"] = solution.has_heading
     row |= _named(solution.rate, "rate_{}_deg_s", _BODY)
-    row["position_covariance_ned_m2"] = solution.position_covariance
-    row["attitude_covariance_ned_rad2"] = solution.attitude_covariance
+    row["position_covariance_ned_m2"] = _rounded(solution.position_covariance.tolist())
+    row["attitude_covariance_ned_rad2"] = _rounded(solution.attitude_covariance.tolist())
     row |= {"fixes_used": solution.fixes_used, "fixes_rejected": solution.fixes_rejected}
     found: dict[str, Any] = plain(row)
     return found
@@ -154,4 +158,9 @@ _BODY: Final = ("forward", "right", "down")
 
 
 def _named(values: FloatArray, name: str, words: tuple[str, ...]) -> dict[str, float]:
-    return {name.format(word): value for word, value in zip(words, values.tolist(), strict=True)}
+    return {name.format(word): _rounded(value) for word, value in zip(words, values.tolist(), strict=True)}
+
+
+def _rounded(value: Any) -> Any:
+    """Return a number, or each of nested lists, with seven digits."""
+    return [_rounded(one) for one in value] if isinstance(value, list) else float(f"{value:.7g}")

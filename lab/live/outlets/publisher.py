@@ -136,6 +136,7 @@ class Publisher:
                     return
                 self._outlets.append(outlet)
             self._ready.set()
+            self._send()
             await self._ending.wait()
             self._send()
         finally:
@@ -146,8 +147,8 @@ class Publisher:
             await asyncio.gather(*others, return_exceptions=True)
 
     def _send(self) -> None:
-        """Send all states that wait."""
-        while self._states:
+        """Send all states that wait, once all destinations are open."""
+        while self._states and len(self._outlets) == len(self.destinations):
             state = self._states.popleft()
             if not math.isfinite(state.time):
                 continue

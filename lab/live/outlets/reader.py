@@ -43,7 +43,11 @@ class Reader:
         """Send rows one after the other, until this is cancelled or `write` raises."""
         while True:
             while self._rows:
-                await write(self._rows.popleft())
+                try:
+                    await write(self._rows.popleft())
+                except BaseException:  # it left, or the end came
+                    self.lost += 1
+                    raise
                 self.sent += 1
             self._idle.set()
             self._more.clear()
