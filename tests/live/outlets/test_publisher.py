@@ -123,6 +123,7 @@ def test_a_reader_that_does_not_read_loses_rows_and_holds_up_nobody() -> None:
             assert row > last
             last = row
         idle.close()
+        slow_lines.close()
         slow.close()
         until(lambda: sum(out.counts[0][:2]) == count)
         assert out.counts[2][1] > 0
