@@ -308,6 +308,20 @@ def corrections(units: Sequence[str] | None, columns: Sequence[str] | None) -> d
     return _said(_UNIT, units) | _said(_COLUMN, columns)
 
 
+def check_rate(rate: float | None) -> None:
+    """Check --rate.
+
+    Raises
+    ------
+    CommandError
+        If it is not accepted.
+    """
+    from lab.data.streams.capture import RATES  # noqa: PLC0415 - help does not need it
+
+    if rate is not None and not RATES[0] <= rate <= RATES[1]:
+        raise CommandError(f"--rate {rate:g}: accepted are {RATES[0]:g} to {RATES[1]:g} Hz")
+
+
 def stream_options(
     units: Sequence[str] | None, columns: Sequence[str] | None, rate: float | None
 ) -> dict[str, str]:
@@ -318,6 +332,7 @@ def stream_options(
     CommandError
         If one is not accepted.
     """
+    check_rate(rate)
     said = {"unit": _said(_STREAM_UNIT, units), "column": _said(_COLUMN, columns)}
     options = {
         name: ";".join(f"{key}={value}" for key, value in pairs.items())
