@@ -25,6 +25,7 @@ SUBPROTOCOLS: Final = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 """Names of the protocol, the newer one first."""
 _MESSAGE_DATA: Final = struct.Struct("<BIQ")
 _LARGEST_NUMBER: Final = 2**32
+"""First number that a subscription cannot have: it is sent in 32 bits."""
 _ENU: Final = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Takes north, east, down to east, north, up."""
 _FLU: Final = np.diag([1.0, -1.0, -1.0])

@@ -22,7 +22,9 @@ CHUNK: Final = 2**18
 LONGEST: Final = 1_000_000_000
 """Time after which a chunk is written [ns]: what is lost with the power."""
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = range(1, 9)
+"""Opcodes of records."""
 _STATISTICS, _DATA_END = 0x0B, 0x0F
+"""Opcodes of records."""
 
 
 class McapFile:
