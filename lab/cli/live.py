@@ -235,8 +235,11 @@ def navigate(
     calibration: CalibrationFile = None,
     to: Destinations = None,
     hz: Annotated[
-        float, typer.Option("--hz", metavar="HZ", help="Rows that --to sends per second, 0.1 to 200.")
-    ] = 10.0,
+        float | None,
+        typer.Option(
+            "--hz", metavar="HZ", help="Rows that --to sends per second, 0.1 to 200.", show_default="10"
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Navigate with a source as it comes: a line a second; with --json one object a line.

@@ -26,6 +26,8 @@ Destinations = Annotated[
         show_default=False,
     ),
 ]
+USUAL_RATE = 10.0
+"""Rows per second that `--to` sends where nobody says how many [Hz]: those of a good receiver."""
 SOLUTION_HEAD = (
     "TIME [s]  ROLL, PITCH, HEADING [deg]  1 SIGMA [deg]             POSITION [deg], HEIGHT [m]           "
     + "PHASE"
@@ -57,12 +59,15 @@ def solution_row(known: LiveState) -> dict[str, Any]:
 
 
 @contextmanager
-def publishing(places: Sequence[str], hz: float) -> Iterator[Publisher]:
+def publishing(places: Sequence[str], hz: float | None) -> Iterator[Publisher]:
     """Yield what sends the solution to the places of --to; say where, and at the end what was lost."""
     from lab.data.streams.transport import TransportError, cause_of  # noqa: PLC0415 - help does not need it
     from lab.live.outlets.destination import RATES, Destination  # noqa: PLC0415 - help does not need it
     from lab.live.outlets.publisher import Publisher  # noqa: PLC0415 - help does not need it
 
+    if hz is not None and not places:
+        raise CommandError("--hz: needs --to, whose rows it counts")
+    hz = USUAL_RATE if hz is None else hz
     if not RATES[0] <= hz <= RATES[1]:
         raise CommandError(f"--hz {hz:g}: accepted are {RATES[0]:g} to {RATES[1]:g} Hz")
     try:

@@ -25,8 +25,8 @@ from lab.navigation.solution import Belief
 
 EARLY_READINGS: Final = 10_000
 """Headings and speeds that wait for the first sample, or for the next that are processed."""
-DATED: Final = 86400.0 * 366
-"""UTC from which it counts from 1970, not from a midnight [s]: without a date it is a time of day."""
+DATED: Final = (86400.0 * 366, 4_102_444_800.0)
+"""UTC that counts from 1970, to the end of 2099 [s]: without a date it is a time of day."""
 EARLY: Final = 100
 """Fixes that wait for the first sample of the IMU."""
 _COLUMNS: Final = ("time", "position", "velocity_n", "position_sigma", "velocity_sigma")
@@ -104,7 +104,7 @@ class FixIntake:
         if self.first is None:
             self.first = float(rows["time"][0]), float(rows["height"][0])
         self.above_sea |= bool((rows["sea_level"] == 1).any())
-        dated = rows[rows["utc"] > DATED]
+        dated = rows[(rows["utc"] > DATED[0]) & (rows["utc"] < DATED[1])]
         if dated.size:
             self.utc_offset = float(dated["utc"][-1] - dated["time"][-1])
         gnss = gnss_of(rows)

@@ -331,6 +331,8 @@ def test_columns_that_are_not_recognised_are_shown_and_named_by_number(tmp_path:
         (["watch", "udp:5555?rate=x"], ["rate = 'x'", "0.1 to 10000 Hz"]),
         (["navigate", "udp:5555", "--to", "nowhere"], ["--to 'nowhere'", "udp:COMPUTER:PORT"]),
         (["navigate", "udp:5555", "--to", "tcp:5556", "--hz", "900"], ["--hz 900", "0.1 to 200 Hz"]),
+        (["navigate", "udp:5555", "--hz", "50"], ["--hz: needs --to"]),
+        (["navigate", "udp:5555?to=tcp:1"], ["'to' is no option of a udp source"]),
         (["navigate", "udp:5555", "--to", "tcp:1?protocol=ubx"], ["'ubx'", "json, nmea, mavlink"]),
         (["navigate", "udp:5555", "--to", "mcap:nowhere/a.mcap"], ["--to mcap:nowhere/a.mcap"]),
         (["navigate", "udp:5555", "--to", "udp:no.such.invalid:9"], ["no computer with this name"]),

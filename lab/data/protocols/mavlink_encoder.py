@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import GAUSS
 from lab.data.protocols.mavlink import MISSING
 from lab.data.protocols.samples import NO_FIX
@@ -21,6 +22,9 @@ from lab.data.protocols.sent_solution import SentSolution
 HEARTBEAT_PERIOD = 1.0
 """Time between two HEARTBEAT and SYSTEM_TIME [s], as ground stations expect them."""
 _ALL_FIELDS = 0x1FFF  # fields_updated of HIGHRES_IMU: all thirteen
+_ACTIVE = 4  # system_status of HEARTBEAT
+_GPS_INS = 5  # estimator_type: GPS and an INS combined
+_LARGEST_SINGLE = 3.4e38  # largest number in single precision, about
 _UNKNOWN = 65_535  # value of an unknown 16-bit field of GPS_RAW_INT
 
 
@@ -113,13 +117,13 @@ class MavlinkSolution:
         messages = []
         if solution.time - self._beaten >= HEARTBEAT_PERIOD:
             self._beaten = solution.time
-            # A generic vehicle with a generic autopilot, active, in no mode.
-            messages.append(link.heartbeat_encode(0, 0, 0, 0, 4))
+            messages.append(link.heartbeat_encode(0, 0, 0, 0, _ACTIVE))  # a generic vehicle, in no mode
             messages.append(link.system_time_encode(microseconds(solution.utc), boot))
         if solution.has_attitude:
             roll, pitch, heading = np.radians(solution.euler).tolist()
             yaw = (heading + math.pi) % (2 * math.pi) - math.pi if solution.has_heading else math.nan
-            messages.append(link.attitude_encode(boot, roll, pitch, yaw, *np.radians(solution.rate).tolist()))
+            rates = _singles(np.radians(solution.rate))
+            messages.append(link.attitude_encode(boot, roll, pitch, yaw, *rates))
         if solution.has_position and math.isfinite(solution.sea_height):
             messages += self._place(solution, boot)
         return b"".join(_packed_by(link, message) for message in messages)
@@ -139,21 +143,21 @@ class MavlinkSolution:
             speeds = (whole(100 * one) for one in (north, east, down))
             messages.append(link.global_position_int_encode(boot, *place, *heights, *speeds, yaw))
             course = round(heading) % 360 if has_heading else 0
-            messages.append(link.vfr_hud_encode(math.nan, solution.speed, course, 0, sea, -down))
+            speed, height, climb = _singles(np.array([solution.speed, sea, -down]))
+            messages.append(link.vfr_hud_encode(math.nan, speed, course, 0, height, climb))
         covariance = np.full((6, 6), np.nan)
         covariance[:3, :3] = solution.position_covariance
         covariance[range(3, 6), range(3, 6)] = solution.velocity_sigma**2
+        velocity = _singles(solution.velocity_n)
         messages.append(
             link.global_position_int_cov_encode(
                 microseconds(solution.utc),
-                5,
+                _GPS_INS,
                 *place,
                 *heights,
-                north,
-                east,
-                down,
-                covariance.ravel().tolist(),
-            )  # 5: the estimator combines GPS and an INS
+                *velocity,
+                _singles(covariance.ravel()),
+            )
         )
         return messages
 
@@ -164,6 +168,11 @@ def _link_of_system_1() -> Any:
     except ImportError as error:
         raise ImportError(MISSING) from error
     return dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+
+
+def _singles(values: FloatArray) -> list[float]:
+    """Return numbers that fit into single precision."""
+    return np.clip(values, -_LARGEST_SINGLE, _LARGEST_SINGLE).tolist()  # type: ignore[no-any-return]
 
 
 def _packed_by(link: Any, message: Any) -> bytes:

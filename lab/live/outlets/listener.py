@@ -101,6 +101,7 @@ class Listener:
         async def gone() -> None:
             while await stream.read(LARGEST_MESSAGE):  # what it sends is not looked at
                 pass
+            await writer.wait_closed()  # who has nothing to say may read on
 
         try:
             await self._while_heard(Reader(), write, gone())

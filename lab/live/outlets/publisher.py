@@ -121,6 +121,7 @@ class Publisher:
         try:
             self._loop.run_until_complete(self._live())
         finally:
+            self._loop.run_until_complete(self._loop.shutdown_default_executor())  # that of names of computers
             self._loop.close()
             self._ready.set()
 
@@ -179,6 +180,8 @@ def sent_solution(state: LiveState, geoid: float = math.nan, *, by_computer: boo
     unix = now - age if abs(age) < NEAR else now
     utc = state.time + state.utc_offset
     latitude, longitude = np.degrees(state.position[:2]).tolist()
+    if not abs(latitude) <= 90:
+        latitude = math.nan
     euler = np.degrees(state.euler)
     euler[2] %= 360
     return SentSolution(

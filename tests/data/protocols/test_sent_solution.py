@@ -136,6 +136,26 @@ def test_no_sentence_is_too_long_or_lies(
     assert found["GGA"].alt == "" or found["GGA"].alt == pytest.approx(height + 30, abs=0.006)
 
 
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.lists(ANY, min_size=9, max_size=9), st.tuples(ANY, ANY, ANY), st.booleans())
+def test_no_number_of_a_navigator_breaks_a_writer(
+    matrix: list[float], vector: tuple[float, float, float], has_heading: bool
+) -> None:
+    three, square = np.array(vector), np.reshape(matrix, (3, 3))
+    one = solution(
+        height=vector[0], geoid=vector[1], velocity_n=three, velocity_sigma=three, euler_sigma=three,
+        position_covariance=square, attitude_covariance=square, rate=three, has_heading=has_heading,
+        is_above_sea=has_heading,
+    )  # fmt: skip
+    with np.errstate(over="ignore", invalid="ignore"):
+        assert json.loads(json_line(one))
+        assert read(sentences_of(one))
+        assert all(json.loads(data) for data in messages_of(one).values())
+        assert "HEARTBEAT" in messages(one)
+
+
 def test_a_heading_just_below_north_is_zero_and_not_360() -> None:
     rows = np.zeros(1, READING)
     rows["heading"] = np.radians(359.99999)
