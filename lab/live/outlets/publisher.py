@@ -121,7 +121,7 @@ class Publisher:
         try:
             self._loop.run_until_complete(self._live())
         finally:
-            self._loop.run_until_complete(self._loop.shutdown_default_executor())  # that of names of computers
+            self._loop.run_until_complete(self._loop.shutdown_default_executor())  # of names
             self._loop.close()
             self._ready.set()
 
