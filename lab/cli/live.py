@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,6 +25,7 @@ from lab.cli.live_solution import (
     solution_line,
     solution_row,
 )
+from lab.cli.live_status import came, check_came, conclude, source_line, source_row
 from lab.cli.options import (
     AsJson,
     Assignments,
@@ -148,16 +149,16 @@ def watch(
             status = opened.status
             question = _asked(status, question)
             print(
-                json.dumps(plain(_state(opened, status)), allow_nan=False)
+                json.dumps(plain(source_row(opened, status)), allow_nan=False)
                 if as_json
-                else _line(opened, status, time.monotonic() - begin),
+                else source_line(opened, status, time.monotonic() - begin),
                 flush=True,
             )
         status = opened.status
     _asked(status, question)
-    _check_came(source, status)
+    check_came(source, status)
     print(f"ins-lab: {status.sentence}", file=sys.stderr)
-    _conclude(status)
+    conclude(status)
 
 
 @live.command("record", epilog=EXAMPLES)
@@ -209,9 +210,9 @@ def record(
         print(f"ins-lab: {status.warning}", file=sys.stderr)
     if not status.statistics.bytes:
         raw.discard()  # the name is free for another attempt
-    _check_came(source, status)
-    _conclude(status)
-    print(f"{path}: {counted(status.recorded, 'byte')}, {_came(status)}")
+    check_came(source, status)
+    conclude(status)
+    print(f"{path}: {counted(status.recorded, 'byte')}, {came(status)}")
     if not status.samples or not status.fixes:
         lacking = "samples of an IMU" if not status.samples else "fixes"
         print(f"No mission: the source sent no {lacking}, and a sensor log needs both.")
@@ -253,7 +254,10 @@ def navigate(
     _check_seconds(seconds)
     chosen = experiment(_ANY, config, card, assignments, None)
     options = stream_options(units, columns, rate)
-    with _opened(source, options, _calibrated(calibration)) as (opened, go_on), publishing(to or (), hz) as publisher:
+    with (
+        _opened(source, options, _calibrated(calibration)) as (opened, go_on),
+        publishing(to or (), hz) as publisher,
+    ):
         try:
             step = min(STEP, publisher.period)
             station = Station(opened, chosen.sensors, chosen.navigator, source, step, publisher.offer)
@@ -278,8 +282,8 @@ def navigate(
                     print(solution_line(known, time.monotonic() - begin), flush=True)
         finally:
             station.close()
-        _check_came(source, opened.status)
-        _conclude(opened.status)
+        check_came(source, opened.status)
+        conclude(opened.status)
     known = station.state
     for sentence in (f"{known.phase.capitalize()}: {known.reason}", *known.remarks, station.failure):
         if sentence:
@@ -433,78 +437,6 @@ def _asked(status: Status, before: str = "") -> str:
     if status.question and status.question != before:
         print(f"ins-lab: {status.question}", file=sys.stderr, flush=True)
     return status.question
-
-
-def _line(source: Source, status: Status, seconds: float) -> str:
-    import numpy as np  # noqa: PLC0415 - help does not need it
-
-    last = source.last(0.1).imu[-1:]
-    cells = [" " * 27, " " * 27]
-    if len(last):
-        rate, force = np.degrees(last["rate"][0]), last["force"][0]
-        cells = [
-            f"{rate[0]:9.3f}{rate[1]:9.3f}{rate[2]:9.3f}",
-            f"{force[0]:9.3f}{force[1]:9.3f}{force[2]:9.3f}",
-        ]
-    return f"{seconds:8.1f}  {status.rate:9.2f}  {status.fixes:5d}  {cells[0]}  {cells[1]}  {status.sentence}"
-
-
-def _state(source: Source, status: Status) -> dict[str, Any]:
-    last = source.last(0.1).imu[-1:]
-    state: dict[str, Any] = {
-        name: getattr(status, name)
-        for name in (
-            "state", "sentence", "protocol", "timing", "samples", "fixes", "rate", "fix_rate", "jitter",
-            "latency", "drift", "drift_sigma", "silence", "interruptions", "question",
-        )
-    }  # fmt: skip
-    state["axes"] = str(status.axes)
-    state["statistics"], state["loss"] = vars(status.statistics), vars(status.loss)
-    if len(last):
-        state["time"] = float(last["time"][0])
-        state["rate_rad_s"], state["force_m_s2"] = last["rate"][0], last["force"][0]
-    return state
-
-
-def _check_came(source: str, status: Status) -> None:
-    """Refuse a source that sent nothing, or nothing that could be read."""
-    if status.samples + status.fixes:
-        return
-    seen = status.statistics.bytes
-    what = f"only {counted(seen, 'byte')}" if seen else "and no byte"
-    why = "" if status.evidence in status.sentence else f"{status.evidence} "
-    from lab.data.protocols.column_guess import advice_on_lines  # noqa: PLC0415 - help does not need it
-
-    advice = advice_on_lines(status.last_lines)
-    said = f"{source}: no sample came, {what}. {why}{status.sentence}"
-    raise CommandError(f"{said}\n{advice}" if advice else said)
-
-
-def _conclude(status: Status) -> None:
-    """Say on standard error what came, and what was lost."""
-    from lab.data.streams.source_status import STALE  # noqa: PLC0415 - help does not need it
-
-    for sentence in (status.evidence, f"Timed {status.timing}." if status.timing else ""):
-        if sentence:
-            print(f"ins-lab: {sentence}", file=sys.stderr)
-    seen, loss = status.statistics, status.loss
-    lost = {
-        f"{counted(status.interruptions, 'interruption')} of the connection": status.interruptions,
-        f"silent for the last {status.silence:.0f} s": status.state == STALE,
-        f"{counted(seen.skipped, 'byte')} skipped": seen.skipped,
-        f"{counted(seen.failed, 'check')} failed": seen.failed,
-        f"{counted(seen.refused, 'sample')} refused": seen.refused,
-        f"{loss.missing} missing": loss.missing,
-        f"{loss.repeated} repeated": loss.repeated,
-        f"{loss.backwards} backwards": loss.backwards,
-        f"{counted(loss.jumps, 'change')} of the device's clock": loss.jumps,
-    }
-    told = ", ".join(text for text, count in lost.items() if count)
-    print(f"ins-lab: {_came(status)}; {told or 'nothing was lost'}.", file=sys.stderr)
-
-
-def _came(status: Status) -> str:
-    return f"{counted(status.samples, 'sample')}, {counted(status.fixes, 'fix')}"
 
 
 def _check_seconds(seconds: float | None) -> None:
