@@ -251,8 +251,14 @@ class Station:
             raise
 
     def _pieces(self, imu: NDArray[np.void]) -> list[NDArray[np.void]]:
-        """Return samples in pieces of a step, if somebody is told each state; else together, faster."""
+        """Return samples in pieces of a step, if somebody is told each state and they came together.
+
+        Those that came one by one and waited are processed at once: a computer that is behind must not fall
+        back further.
+        """
         if self._tell is None or imu.size < 2 or imu["time"][-1] - imu["time"][0] < self._step:
+            return [imu]
+        if imu["arrival"][-1] - imu["arrival"][0] > self._step:
             return [imu]
         return list(np.split(imu, np.flatnonzero(np.diff(np.floor(imu["time"] / self._step))) + 1))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import socket
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Final
@@ -21,6 +22,7 @@ LARGEST_MESSAGE: Final = 2**16
 """Largest message of a reader of a WebSocket [bytes]: Foxglove asks for channels in some hundred."""
 LONGEST_CLOSE: Final = 0.5
 """Longest time for which the end waits for readers [s]."""
+_SILENT: Final = logging.Logger("outlets", logging.CRITICAL + 1)
 
 
 class Listener:
@@ -131,6 +133,7 @@ class WebSocket(Listener):
                 (Subprotocol(name) for name in SUBPROTOCOLS if name in offered), None
             ),
             compression=None,
+            logger=_SILENT,  # a handshake that fails is no matter of whoever navigates
             max_size=LARGEST_MESSAGE,
             write_limit=1,
             close_timeout=LONGEST_CLOSE,
