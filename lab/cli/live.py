@@ -260,7 +260,8 @@ def navigate(
     ):
         try:
             step = min(STEP, publisher.period)
-            station = Station(opened, chosen.sensors, chosen.navigator, source, step, publisher.offer)
+            tell = publisher.offer if to else None
+            station = Station(opened, chosen.sensors, chosen.navigator, source, step, tell)
         except SettingError as error:
             raise CommandError(str(error)) from error
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import threading
 import time
@@ -44,7 +45,7 @@ class Publisher:
         self.behind = 0
         self.destinations = tuple(destinations)
         self._paces = [Pace(1 / one.hz) for one in self.destinations]
-        self._states: deque[LiveState] = deque()
+        self._states: deque[LiveState] = deque(maxlen=QUEUE)
         self._outlets: list[Outlet] = []
         self._mean_sea: set[int] = set()
         self._loop = asyncio.new_event_loop()
@@ -88,14 +89,10 @@ class Publisher:
 
     def offer(self, state: LiveState) -> None:
         """Take a state; called by the navigator's thread, which goes on at once."""
-        if len(self._states) >= QUEUE:
-            self.behind += 1
-            return
+        self.behind += len(self._states) == QUEUE  # the oldest one gives way
         self._states.append(state)
-        try:
+        with contextlib.suppress(RuntimeError):  # it has ended
             self._loop.call_soon_threadsafe(self._send)
-        except RuntimeError:  # it has ended
-            self._states.clear()
 
     @property
     def places(self) -> list[str]:
