@@ -22,7 +22,8 @@ LARGEST_MESSAGE: Final = 2**16
 """Largest message of a reader of a WebSocket [bytes]: Foxglove asks for channels in some hundred."""
 LONGEST_CLOSE: Final = 0.5
 """Longest time for which the end waits for readers [s]."""
-_SILENT: Final = logging.Logger("outlets", logging.CRITICAL + 1)
+_SILENT: Final = logging.Logger("outlets", logging.CRITICAL)
+"""Logger of handshakes: one that fails is an error to `websockets`."""
 
 
 class Listener:

@@ -22,6 +22,8 @@ from lab.live.pace import Pace
 
 QUEUE: Final = 100
 """States that wait for the thread: two seconds at 50 Hz."""
+POLE: Final = 90.0
+"""Largest latitude [°]."""
 NEAR: Final = 60.0
 """Largest distance of a sample from the clock of the host with which it counts as live [s]: in a replay,
 times are those of the recording, mostly of days ago."""
@@ -177,7 +179,7 @@ def sent_solution(state: LiveState, geoid: float = math.nan, *, by_computer: boo
     unix = now - age if abs(age) < NEAR else now
     utc = state.time + state.utc_offset
     latitude, longitude = np.degrees(state.position[:2]).tolist()
-    if not abs(latitude) <= 90:
+    if not abs(latitude) <= POLE:
         latitude = math.nan
     euler = np.degrees(state.euler)
     euler[2] %= 360
