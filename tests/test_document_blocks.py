@@ -45,6 +45,7 @@ NOT_RUN = {
 """Python that is not run, by document and a part of its text, and why; its imports are made."""
 SHOWN = {
     "text": "a diagram",
+    "json": "a row of the live solution; tests/live/outlets/test_documented_lines.py compares it",
     "shell": "see tests/cli/test_document_commands.py",
     "{toctree}": "by Sphinx",
     "{ledger}": "by Sphinx",

@@ -148,7 +148,9 @@ class _Even(NamedTuple):
     remarks: list[str]
 
 
-def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None = None) -> RestRecords:
+def read_log(
+    paths: Path | str | Sequence[Path], units: Mapping[str, str] | None = None, rate: float = 0.0
+) -> RestRecords:
     """Read a recording of an IMU at rest: a csv, a log of an autopilot, or the bytes of a device.
 
     Gyros alone, or accelerometers alone, are enough.
@@ -159,6 +161,8 @@ def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None
         The file, or the tables of one recording.
     units
         What a person says of columns, as of `lab.missions.flight_import.read_log`.
+    rate
+        Samples per second of a text without times [Hz]; 0 where it has some.
 
     Raises
     ------
@@ -168,7 +172,7 @@ def read_log(paths: Path | str | Sequence[Path], units: Mapping[str, str] | None
     files = [Path(paths)] if isinstance(paths, Path | str) else [Path(path) for path in paths]
     where = str(files[0]) if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
     try:
-        return of_samples(*imu_samples(files, units or {}))
+        return of_samples(*imu_samples(files, units or {}, rate))
     except MissionError as error:
         text = str(error)
         raise MissionError(text if str(files[0]) in text else f"{where}: {text}") from error
@@ -199,12 +203,14 @@ def of_samples(samples: Mapping[str, Samples], remarks: Sequence[str] = ()) -> R
     return RestRecords(records, [*said, *more])
 
 
-def imu_samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[str, Samples], list[str]]:
+def imu_samples(
+    files: Sequence[Path], units: Mapping[str, str], rate: float = 0.0
+) -> tuple[dict[str, Samples], list[str]]:
     """Return the samples of each triad in files, in the axes of the files, at rest or not; and remarks.
 
     Parameters
     ----------
-    files, units
+    files, units, rate
         As of `read_log`.
 
     Raises
@@ -218,6 +224,8 @@ def imu_samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[s
         if len(files) > 1 or not _is_of_device(files[0]):
             raise
         reader = None
+    if reader is not None and rate:
+        raise MissionError(f"{files[0]}: is {reader.name}, which has times; accepted is --rate without them")
     if reader is not None and reader.read_logs is not None and reader.read_imu is None:
         return _of_tables(files, units)
     if len(files) > 1 or (units and reader is not None):
@@ -230,7 +238,7 @@ def imu_samples(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[s
     if not _is_of_device(files[0]):
         raise MissionError(f"{files[0]}: is {reader.name if reader else 'unknown'}, which has no IMU")
     try:
-        recorded = recorded_samples(files[0], **_options_of_text(units))
+        recorded = recorded_samples(files[0], **_options_of_text(units), rate=f"{rate:g}")
     except (RecordingError, TransportError, ColumnMapError) as error:
         raise MissionError(str(error)) from error
     found, doubt = recorded.imu, recorded.reception.doubt

@@ -11,7 +11,17 @@ import typer
 from lab.base.parameters.setting_error import SettingError
 from lab.cli.app import CommandError, print_json, working
 from lab.cli.card_table import ASSUMED, FOOT, number
-from lab.cli.options import AsJson, Assumed, Columns, Force, Units, check_out, corrections
+from lab.cli.options import (
+    AsJson,
+    Assumed,
+    Columns,
+    Force,
+    SampleRate,
+    Units,
+    check_out,
+    check_rate,
+    corrections,
+)
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -48,6 +58,7 @@ def allan(
     ] = 1,
     units: Units = None,
     columns: Columns = None,
+    rate: SampleRate = None,
     assumed: Assumed = True,
     force: Force = False,
     as_json: AsJson = False,
@@ -57,8 +68,9 @@ def allan(
         ".csv"
     )
     given = corrections(units, columns)
-    if given and not is_log:
-        raise CommandError("--unit and --column are for logs")
+    if (given or rate is not None) and not is_log:
+        raise CommandError("--unit, --column and --rate are for logs")
+    check_rate(rate)
     if out is not None:
         if not is_log:
             raise CommandError(f"--card {out}: a card is made from a log, and {record} is not one")
@@ -66,7 +78,7 @@ def allan(
     with working(record) as progress:
         progress("reading" if is_log else "simulating", 0.0)
         card = None if is_log else _card(record, assumed)
-        records = _records(record, card, seed, given)
+        records = _records(record, card, seed, given, rate or 0.0)
         progress("fitting", 0.5)
         terms = _fitted(records)
         if out is not None:
@@ -88,12 +100,12 @@ def _card(name: str, assumed: bool) -> Card:
         raise CommandError(f"{error}{hint}") from error
 
 
-def _records(record: str, card: Card | None, seed: int, given: Mapping[str, str]) -> RestRecords:
+def _records(record: str, card: Card | None, seed: int, given: Mapping[str, str], rate: float) -> RestRecords:
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
     from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
 
     if card is None:
-        return rest.read_log(Path(record), given)
+        return rest.read_log(Path(record), given, rate)
     return rest.RestRecords(rest.simulate(SensorSuite().update(card.settings()), seed))
 
 

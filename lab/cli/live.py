@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,7 +17,26 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.plain_data import plain
 from lab.cli.app import CommandError, Commands, print_json, working
 from lab.cli.interrupt import interrupted
-from lab.cli.options import AsJson, Assignments, Card, Config, experiment
+from lab.cli.live_solution import (
+    SOLUTION_HEAD,
+    Destinations,
+    publishing,
+    said_of,
+    solution_line,
+    solution_row,
+)
+from lab.cli.live_status import came, check_came, conclude, source_line, source_row
+from lab.cli.options import (
+    AsJson,
+    Assignments,
+    Card,
+    Config,
+    SampleRate,
+    StreamColumns,
+    StreamUnits,
+    experiment,
+    stream_options,
+)
 from lab.cli.raw_file import RawFile
 from lab.cli.terminal import table
 from lab.missions.mission_name import accepted_name
@@ -25,7 +44,6 @@ from lab.missions.mission_name import accepted_name
 if TYPE_CHECKING:
     from lab.data.streams.source import Source
     from lab.data.streams.source_status import Status
-    from lab.live.live_state import LiveState
     from lab.live.simulated.simulated_device import SimulatedDevice
 
 EXAMPLES = """\b
@@ -34,6 +52,7 @@ Examples:
   ins-lab live watch simulated:montreal?device=vectornav
   ins-lab live watch serial:/dev/ttyUSB0?baud=115200
   ins-lab live navigate serial:/dev/ttyUSB0 --card ADIS16470
+  ins-lab live navigate serial:/dev/ttyUSB0 --to udp:127.0.0.1:9870 --hz 50
   ins-lab live navigate "xplane:127.0.0.1:49000?card=ADIS16470" --card ADIS16470
   ins-lab live record tcp:192.168.1.20:5555 drive --seconds 600
   ins-lab live simulate montreal --device vectornav --to tcp:5555
@@ -53,33 +72,11 @@ PERIOD = 1.0
 """Time between two lines of `watch` [s]."""
 _ANY = "montreal"
 """A mission of the settings, which a stream does not use."""
-_SOLUTION = (
-    "TIME [s]  ROLL, PITCH, HEADING [deg]  1 SIGMA [deg]             POSITION [deg], HEIGHT [m]           "
-    + "PHASE"
-)
-"""Head of the lines of `navigate`."""
+TEXT = "text"
+"""Protocol of text lines, to which `--unit` and `--column` belong."""
 _WAKE = 0.1
 """Longest time until Ctrl-C is heeded [s]."""
 
-Units = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--unit",
-        metavar="QUANTITY=UNIT",
-        help="Unit of a quantity in text lines, such as rate=deg/s; may be repeated.",
-        show_default=False,
-    ),
-]
-Columns = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--column",
-        metavar="HEADING=QUANTITY[UNIT]",
-        help="What a column of text lines is, by its heading or its number, such as 4=force_x[g]; may be "
-        "repeated.",
-        show_default=False,
-    ),
-]
 SourceAddress = Annotated[
     str, typer.Argument(metavar="SOURCE", help="The source, such as tcp:127.0.0.1:5555.", show_default=False)
 ]
@@ -133,14 +130,15 @@ def list_sources(as_json: AsJson = False) -> None:
 def watch(
     source: SourceAddress,
     seconds: Seconds = None,
-    units: Units = None,
-    columns: Columns = None,
+    units: StreamUnits = None,
+    columns: StreamColumns = None,
+    rate: SampleRate = None,
     calibration: CalibrationFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Show what a source sends: a line a second; with --json one object a line."""
     _check_seconds(seconds)
-    with _opened(source, units, columns, _calibrated(calibration)) as (opened, go_on):
+    with _opened(source, stream_options(units, columns, rate), _calibrated(calibration)) as (opened, go_on):
         if not as_json:
             print(
                 "TIME [s]  RATE [Hz]  FIXES  RATE x, y, z [deg/s]         FORCE x, y, z [m/s^2]        STATE"
@@ -151,16 +149,16 @@ def watch(
             status = opened.status
             question = _asked(status, question)
             print(
-                json.dumps(plain(_state(opened, status)), allow_nan=False)
+                json.dumps(plain(source_row(opened, status)), allow_nan=False)
                 if as_json
-                else _line(opened, status, time.monotonic() - begin),
+                else source_line(opened, status, time.monotonic() - begin),
                 flush=True,
             )
         status = opened.status
     _asked(status, question)
-    _check_came(source, status)
+    check_came(source, status)
     print(f"ins-lab: {status.sentence}", file=sys.stderr)
-    _conclude(status)
+    conclude(status)
 
 
 @live.command("record", epilog=EXAMPLES)
@@ -168,8 +166,9 @@ def record(
     source: SourceAddress,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the mission.", show_default=False)],
     seconds: Seconds = None,
-    units: Units = None,
-    columns: Columns = None,
+    units: StreamUnits = None,
+    columns: StreamColumns = None,
+    rate: SampleRate = None,
     title: Annotated[str, typer.Option("--title", metavar="TEXT", show_default=False)] = "",
     lever_arm: Annotated[
         str,
@@ -197,7 +196,7 @@ def record(
         raise CommandError(f"{folder / name} exists; accepted is a new name")
     raw = RawFile(folder, name)
     path = raw.path
-    with _opened(source, units, columns, raw.begin) as (opened, go_on):
+    with _opened(source, stream_options(units, columns, rate), raw.begin) as (opened, go_on):
         while go_on(seconds):
             warning = opened.status.warning
             if warning:
@@ -211,9 +210,9 @@ def record(
         print(f"ins-lab: {status.warning}", file=sys.stderr)
     if not status.statistics.bytes:
         raw.discard()  # the name is free for another attempt
-    _check_came(source, status)
-    _conclude(status)
-    print(f"{path}: {counted(status.recorded, 'byte')}, {_came(status)}")
+    check_came(source, status)
+    conclude(status)
+    print(f"{path}: {counted(status.recorded, 'byte')}, {came(status)}")
     if not status.samples or not status.fixes:
         lacking = "samples of an IMU" if not status.samples else "fixes"
         print(f"No mission: the source sent no {lacking}, and a sensor log needs both.")
@@ -228,12 +227,20 @@ def record(
 def navigate(
     source: SourceAddress,
     seconds: Seconds = None,
-    units: Units = None,
-    columns: Columns = None,
+    units: StreamUnits = None,
+    columns: StreamColumns = None,
+    rate: SampleRate = None,
     config: Config = None,
     card: Card = None,
     assignments: Assignments = None,
     calibration: CalibrationFile = None,
+    to: Destinations = None,
+    hz: Annotated[
+        float | None,
+        typer.Option(
+            "--hz", metavar="HZ", help="Rows that --to sends per second, 0.1 to 200.", show_default="10"
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Navigate with a source as it comes: a line a second; with --json one object a line.
@@ -241,34 +248,43 @@ def navigate(
     The settings are the assumptions of the filter: the card of the sensor, and for example
     --set navigator.initial_heading=90.
     """
+    from lab.live.live_navigator import STEP  # noqa: PLC0415 - help does not need it
     from lab.live.station import Station  # noqa: PLC0415 - help does not need it
 
     _check_seconds(seconds)
     chosen = experiment(_ANY, config, card, assignments, None)
-    with _opened(source, units, columns, _calibrated(calibration)) as (opened, go_on):
+    options = stream_options(units, columns, rate)
+    with (
+        _opened(source, options, _calibrated(calibration)) as (opened, go_on),
+        publishing(to or (), hz) as publisher,
+    ):
         try:
-            station = Station(opened, chosen.sensors, chosen.navigator, source)
+            step = min(STEP, publisher.period)
+            tell = publisher.offer if to else None
+            station = Station(opened, chosen.sensors, chosen.navigator, source, step, tell)
         except SettingError as error:
             raise CommandError(str(error)) from error
         try:
             if not as_json:
-                print(_SOLUTION)
+                print(SOLUTION_HEAD)
             begin = time.monotonic()
             more, question = True, ""
+            said: set[str] = set()
             while more:
                 more = go_on(seconds)
                 question = _asked(opened.status, question)
+                said = said_of(publisher, said)
                 if not more:
                     station.wait()
                 known = station.state
                 if as_json:
-                    print(json.dumps(plain(_solution(known)), allow_nan=False), flush=True)
+                    print(json.dumps(solution_row(known), allow_nan=False), flush=True)
                 else:
-                    print(_solution_line(known, time.monotonic() - begin), flush=True)
+                    print(solution_line(known, time.monotonic() - begin), flush=True)
         finally:
             station.close()
-        _check_came(source, opened.status)
-        _conclude(opened.status)
+        check_came(source, opened.status)
+        conclude(opened.status)
     known = station.state
     for sentence in (f"{known.phase.capitalize()}: {known.reason}", *known.remarks, station.failure):
         if sentence:
@@ -379,8 +395,7 @@ def _calibrated(calibration: Path | None) -> Callable[[Source], None]:
 @contextmanager
 def _opened(
     address: str,
-    units: Sequence[str] | None = None,
-    columns: Sequence[str] | None = None,
+    options: Mapping[str, str],
     prepare: Callable[[Source], None] = lambda source: None,
 ) -> Iterator[tuple[Source, Callable[[float | None], bool]]]:
     """Yield an open source, and a function that waits a moment and returns whether to go on."""
@@ -392,8 +407,7 @@ def _opened(
 
     with working(address):
         try:
-            options = {"unit": ";".join(units or ()), "column": ";".join(columns or ())}
-            source = open_source(address, **{name: text for name, text in options.items() if text})
+            source = open_source(address, **options)
             prepare(source)
         except (RecordingError, TransportError, DecoderError, ColumnMapError) as error:
             raise CommandError(str(error)) from error
@@ -411,6 +425,12 @@ def _opened(
             return not done
 
         yield source, go_on
+        protocol = source.status.protocol
+        if "unit" in options and protocol and protocol != TEXT:
+            print(
+                f"ins-lab: --unit had no effect: units are of text lines, and the source sends {protocol}",
+                file=sys.stderr,
+            )
 
 
 def _asked(status: Status, before: str = "") -> str:
@@ -418,99 +438,6 @@ def _asked(status: Status, before: str = "") -> str:
     if status.question and status.question != before:
         print(f"ins-lab: {status.question}", file=sys.stderr, flush=True)
     return status.question
-
-
-def _line(source: Source, status: Status, seconds: float) -> str:
-    import numpy as np  # noqa: PLC0415 - help does not need it
-
-    last = source.last(0.1).imu[-1:]
-    cells = [" " * 27, " " * 27]
-    if len(last):
-        rate, force = np.degrees(last["rate"][0]), last["force"][0]
-        cells = [
-            f"{rate[0]:9.3f}{rate[1]:9.3f}{rate[2]:9.3f}",
-            f"{force[0]:9.3f}{force[1]:9.3f}{force[2]:9.3f}",
-        ]
-    return f"{seconds:8.1f}  {status.rate:9.2f}  {status.fixes:5d}  {cells[0]}  {cells[1]}  {status.sentence}"
-
-
-def _solution_line(known: LiveState, seconds: float) -> str:
-    import numpy as np  # noqa: PLC0415 - help does not need it
-
-    euler, sigma = np.degrees(known.euler), np.degrees(known.euler_sigma)
-    angles = "".join(f"{value:9.2f}" for value in (euler[0], euler[1], euler[2] % 360))
-    spread = "".join(f"{value:8.2f}" for value in sigma)
-    latitude, longitude = np.degrees(known.position[:2])
-    place = f"{latitude:12.7f} {longitude:12.7f} {known.position[2]:8.1f}"
-    if not np.isfinite(latitude):
-        place = " " * 34
-    return f"{seconds:8.1f} {angles} {spread}  {place}  {known.phase}"
-
-
-def _solution(known: LiveState) -> dict[str, Any]:
-    names = (
-        "phase", "reason", "time", "position", "position_sigma", "velocity_n", "velocity_sigma", "euler",
-        "euler_sigma", "heading_source", "fixes_used", "fixes_rejected",
-    )  # fmt: skip
-    return {name: getattr(known, name) for name in names}
-
-
-def _state(source: Source, status: Status) -> dict[str, Any]:
-    last = source.last(0.1).imu[-1:]
-    state: dict[str, Any] = {
-        name: getattr(status, name)
-        for name in (
-            "state", "sentence", "protocol", "timing", "samples", "fixes", "rate", "fix_rate", "jitter",
-            "latency", "drift", "drift_sigma", "silence", "interruptions", "question",
-        )
-    }  # fmt: skip
-    state["axes"] = str(status.axes)
-    state["statistics"], state["loss"] = vars(status.statistics), vars(status.loss)
-    if len(last):
-        state["time"] = float(last["time"][0])
-        state["rate_rad_s"], state["force_m_s2"] = last["rate"][0], last["force"][0]
-    return state
-
-
-def _check_came(source: str, status: Status) -> None:
-    """Refuse a source that sent nothing, or nothing that could be read."""
-    if status.samples + status.fixes:
-        return
-    seen = status.statistics.bytes
-    what = f"only {counted(seen, 'byte')}" if seen else "and no byte"
-    why = "" if status.evidence in status.sentence else f"{status.evidence} "
-    from lab.data.protocols.column_guess import advice_on_lines  # noqa: PLC0415 - help does not need it
-
-    advice = advice_on_lines(status.last_lines)
-    said = f"{source}: no sample came, {what}. {why}{status.sentence}"
-    raise CommandError(f"{said}\n{advice}" if advice else said)
-
-
-def _conclude(status: Status) -> None:
-    """Say on standard error what came, and what was lost."""
-    from lab.data.streams.source_status import STALE  # noqa: PLC0415 - help does not need it
-
-    for sentence in (status.evidence, f"Timed {status.timing}." if status.timing else ""):
-        if sentence:
-            print(f"ins-lab: {sentence}", file=sys.stderr)
-    seen, loss = status.statistics, status.loss
-    lost = {
-        f"{counted(status.interruptions, 'interruption')} of the connection": status.interruptions,
-        f"silent for the last {status.silence:.0f} s": status.state == STALE,
-        f"{counted(seen.skipped, 'byte')} skipped": seen.skipped,
-        f"{counted(seen.failed, 'check')} failed": seen.failed,
-        f"{counted(seen.refused, 'sample')} refused": seen.refused,
-        f"{loss.missing} missing": loss.missing,
-        f"{loss.repeated} repeated": loss.repeated,
-        f"{loss.backwards} backwards": loss.backwards,
-        f"{counted(loss.jumps, 'change')} of the device's clock": loss.jumps,
-    }
-    told = ", ".join(text for text, count in lost.items() if count)
-    print(f"ins-lab: {_came(status)}; {told or 'nothing was lost'}.", file=sys.stderr)
-
-
-def _came(status: Status) -> str:
-    return f"{counted(status.samples, 'sample')}, {counted(status.fixes, 'fix')}"
 
 
 def _check_seconds(seconds: float | None) -> None:

@@ -6,7 +6,7 @@ import contextlib
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -60,22 +60,40 @@ Assignments = Annotated[
 Seed = Annotated[
     int | None, typer.Option("--seed", metavar="N", help="Seed of all random draws.", show_default=False)
 ]
-Units = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--unit",
-        metavar="COLUMN=UNIT",
-        help="Unit of a column, if the file states none or a wrong one; may be repeated.",
-        show_default=False,
-    ),
-]
+_UNIT = "--unit", "COLUMN=UNIT", "Plane_Altitude=ft"
+_STREAM_UNIT = "--unit", "QUANTITY=UNIT", "rate=deg/s"
+_COLUMN = "--column", "HEADING=QUANTITY[UNIT]", "a1=force_x[g]"
+"""Options of pairs: name, form, example."""
+
+
+def _pairs(option: tuple[str, str, str], text: str) -> Any:
+    """Return an option of pairs, which may be repeated."""
+    name, form, _ = option
+    return typer.Option(name, metavar=form, help=f"{text}; may be repeated.", show_default=False)
+
+
+Units = Annotated[list[str] | None, _pairs(_UNIT, "Unit of a column, if the file states none or a wrong one")]
 Columns = Annotated[
     list[str] | None,
+    _pairs(
+        _COLUMN,
+        "What a column of a csv is, such as a1=force_x[g], az=-force_z[m/s²] or, for one that is not read, "
+        "b=-",
+    ),
+]
+StreamUnits = Annotated[
+    list[str] | None, _pairs(_STREAM_UNIT, "Unit of a quantity in text lines, such as rate=deg/s")
+]
+StreamColumns = Annotated[
+    list[str] | None,
+    _pairs(_COLUMN, "What a column of text lines is, by its heading or its number, such as 4=force_x[g]"),
+]
+SampleRate = Annotated[
+    float | None,
     typer.Option(
-        "--column",
-        metavar="HEADING=QUANTITY[UNIT]",
-        help="What a column of a csv is, such as a1=force_x[g], az=-force_z[m/s²] or, for one that is "
-        "not read, b=-; may be repeated.",
+        "--rate",
+        metavar="HZ",
+        help="Samples of the IMU per second, where nothing says when they were taken.",
         show_default=False,
     ),
 ]
@@ -287,14 +305,50 @@ def corrections(units: Sequence[str] | None, columns: Sequence[str] | None) -> d
     CommandError
         If one is not accepted.
     """
+    return _said(_UNIT, units) | _said(_COLUMN, columns)
+
+
+def check_rate(rate: float | None) -> None:
+    """Check --rate.
+
+    Raises
+    ------
+    CommandError
+        If it is not accepted.
+    """
+    from lab.data.streams.capture import RATES  # noqa: PLC0415 - help does not need it
+
+    if rate is not None and not RATES[0] <= rate <= RATES[1]:
+        raise CommandError(f"--rate {rate:g}: accepted are {RATES[0]:g} to {RATES[1]:g} Hz")
+
+
+def stream_options(
+    units: Sequence[str] | None, columns: Sequence[str] | None, rate: float | None
+) -> dict[str, str]:
+    """Return what --unit, --column and --rate say, as options of the address of a source.
+
+    Raises
+    ------
+    CommandError
+        If one is not accepted.
+    """
+    check_rate(rate)
+    said = {"unit": _said(_STREAM_UNIT, units), "column": _said(_COLUMN, columns)}
+    options = {
+        name: ";".join(f"{key}={value}" for key, value in pairs.items())
+        for name, pairs in said.items()
+        if pairs
+    }
+    return options if rate is None else options | {"rate": f"{rate:g}"}
+
+
+def _said(option: tuple[str, str, str], texts: Sequence[str] | None) -> dict[str, str]:
+    """Return the pairs that an option of pairs was given."""
+    name, form, example = option
     found = {}
-    for option, accepted, texts in (
-        ("--unit", "COLUMN=UNIT, such as Plane_Altitude=ft", units),
-        ("--column", "HEADING=QUANTITY[UNIT], such as a1=force_x[g]", columns),
-    ):
-        for text in texts or []:
-            column, sign, said = text.rpartition("=")
-            if not sign or not column.strip() or not said.strip():
-                raise CommandError(f"{option} {text}: accepted is {accepted}")
-            found[column.strip()] = said.strip()
+    for text in texts or []:
+        column, sign, said = text.rpartition("=")
+        if not sign or not column.strip() or not said.strip():
+            raise CommandError(f"{name} {text}: accepted is {form}, such as {example}")
+        found[column.strip()] = said.strip()
     return found

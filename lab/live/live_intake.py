@@ -25,6 +25,8 @@ from lab.navigation.solution import Belief
 
 EARLY_READINGS: Final = 10_000
 """Headings and speeds that wait for the first sample, or for the next that are processed."""
+DATED: Final = (86400.0 * 366, 4_102_444_800.0)
+"""UTC that counts from 1970, to the end of 2099 [s]: without a date it is a time of day."""
 EARLY: Final = 100
 """Fixes that wait for the first sample of the IMU."""
 _COLUMNS: Final = ("time", "position", "velocity_n", "position_sigma", "velocity_sigma")
@@ -52,6 +54,8 @@ class FixIntake:
         """Fixes that were not used."""
         self.above_sea = False
         """Whether the receiver gives its height above sea level."""
+        self.utc_offset = np.nan
+        """UTC of the last fix with a date, minus the clock of the host [s]."""
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -100,6 +104,9 @@ class FixIntake:
         if self.first is None:
             self.first = float(rows["time"][0]), float(rows["height"][0])
         self.above_sea |= bool((rows["sea_level"] == 1).any())
+        dated = rows[(rows["utc"] > DATED[0]) & (rows["utc"] < DATED[1])]
+        if dated.size:
+            self.utc_offset = float(dated["utc"][-1] - dated["time"][-1])
         gnss = gnss_of(rows)
         start = stream.fixes.end
         stream.fixes.extend(rows.size)

@@ -42,6 +42,7 @@ from lab.live.live_start import LiveStart
 from lab.live.live_state import PHASES, Anchor, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_stream import LiveSolution, Stream, log_of_stream, look_at_compass
 from lab.live.live_view import phase_of, state_of
+from lab.live.pace import Pace
 from lab.live.stream_settings import stream_settings
 from lab.motion.frames.rotation import wrap
 from lab.navigation.alignment import limits
@@ -64,7 +65,8 @@ STOPS_AT: Final = 2000.0
 """σ of the position at which the navigator stops and keeps the attitude only [m]: it comes from a velocity
 wrong by tens of metres per second, and such errors are not small."""
 STEP: Final = 0.05
-"""Shortest time of samples that is processed at once [s]: no page draws oftener; a call costs 0.4 ms."""
+"""Shortest time of samples that is processed at once, where nobody asks for less [s]: no page draws oftener;
+a call costs 0.4 ms."""
 WAIT: Final = 0.1
 """Longest wait for samples of a source that is followed [s]."""
 SOON: Final = 1.0
@@ -92,6 +94,8 @@ class LiveNavigator:
         gyro-compassing only at a known latitude.
     kept
         How long samples are kept at their full rate, at least `LEAST_KEPT` [s].
+    step
+        Shortest time of samples that is processed at once [s].
 
     Raises
     ------
@@ -105,6 +109,7 @@ class LiveNavigator:
         navigator: NavigatorSettings,
         place: FloatArray | None = None,
         kept: float = KEPT,
+        step: float = STEP,
     ) -> None:
         check_mechanization(navigator)
         if navigator.model == "nonlinear" or navigator.engine != "compiled":
@@ -116,6 +121,7 @@ class LiveNavigator:
         sensors, navigator = stream_settings(sensors, navigator)
         self._sensors, self._navigator, self._place = sensors, navigator, place
         self._kept = max(kept, LEAST_KEPT)
+        self._pace = Pace(step)
         self._model = chosen_model(navigator, sensors)
         assumed = belief(sensors, navigator)
         check_r(assumed.R)
@@ -129,7 +135,6 @@ class LiveNavigator:
         self._reading_intake = ReadingIntake()
         self._history = History()
         self._rows: list[NDArray[np.void]] = []  # not yet taken
-        self._taken = -np.inf  # time of the last row when rows were taken
         self._used = self._rejected = 0
         self._lock = RLock()
         self._broken = False  # whether this stream is not the first
@@ -163,10 +168,8 @@ class LiveNavigator:
                 self._reading_intake.arrive(readings)
         if imu is not None and imu.size:
             self._rows.append(imu)
-            newest = float(imu["time"][-1])
-            if 0 <= newest - self._taken < STEP and (fixes is None or not fixes.size):
+            if not self._pace.is_due(float(imu["time"][-1])) and (fixes is None or not fixes.size):
                 return False
-            self._taken = newest
         with self._lock:
             self._append_rows()
             if fixes is not None and fixes.size:
@@ -234,6 +237,8 @@ class LiveNavigator:
                 "fixes_used": self._used,
                 "fixes_rejected": self._rejected,
                 "fixes_refused": self._fix_intake.refused,
+                "utc_offset": self._fix_intake.utc_offset,
+                "is_above_sea": self._fix_intake.above_sea if self._fix_intake.first else None,
                 "rows": self._intake.counts,
                 "remarks": (*self._notes.values(), *self._intake.counts.remarks, *self._fix_intake.remarks),
             }

@@ -55,6 +55,11 @@ class LiveState:
         North, east, down [m/s].
     euler, euler_sigma : (3,) arrays
         Roll, pitch, heading [rad]. A heading that nothing shows is relative: its σ is π or more.
+    position_covariance, attitude_covariance : (3, 3) arrays
+        Covariance of the position north, east, down [m²], and of the attitude as a small rotation about
+        north, east, down [rad²].
+    rate : (3,) array
+        Angular rate forward, right, down over the last step, without the estimated bias [rad/s].
     heading_source : str
         What shows the heading; empty if nothing does.
     bias, bias_sigma : (6,) arrays
@@ -63,6 +68,10 @@ class LiveState:
         Whether the vehicle stands still as far as is known.
     fix_time : float
         Time of validity of the last fix that arrived [s].
+    utc_offset : float
+        UTC since 1970, as the last fix with a date says it, minus the clock of the host [s].
+    is_above_sea : bool or None
+        Whether heights are above sea level, and not above the ellipsoid; None before the first fix.
     innovation, innovation_sigma : (6,) arrays
         Of the last fix used or rejected, position [m] and velocity [m/s] north, east, down: navigator minus
         GPS.
@@ -85,11 +94,16 @@ class LiveState:
     velocity_sigma: FloatArray = field(default_factory=_unknown)
     euler: FloatArray = field(default_factory=_unknown)
     euler_sigma: FloatArray = field(default_factory=_unknown)
+    position_covariance: FloatArray = field(default_factory=lambda: np.full((3, 3), np.nan))
+    attitude_covariance: FloatArray = field(default_factory=lambda: np.full((3, 3), np.nan))
+    rate: FloatArray = field(default_factory=_unknown)
     heading_source: str = ""
     bias: FloatArray = field(default_factory=lambda: _unknown(6))
     bias_sigma: FloatArray = field(default_factory=lambda: _unknown(6))
     is_at_rest: bool = False
     fix_time: float = np.nan
+    utc_offset: float = np.nan
+    is_above_sea: bool | None = None
     innovation: FloatArray = field(default_factory=lambda: _unknown(6))
     innovation_sigma: FloatArray = field(default_factory=lambda: _unknown(6))
     fixes_used: int = 0
@@ -162,13 +176,25 @@ def euler_with_sigma(
         Elements (0, 1), (0, 2), (1, 2) of the blocks of position and attitude.
     """
     euler = euler_from_quaternion(q_nb)
-    P = np.zeros((euler.shape[0], 3, 3))
-    P[:, range(3), range(3)] = variance[:, 6:9]
-    for k, (i, j) in enumerate(_OFF_DIAGONAL):
-        P[:, i, j] = P[:, j, i] = covariance[:, 1, k]
+    P = symmetric(variance[:, 6:9], covariance[:, 1])
     J = euler_jacobian(euler)
     shown = np.einsum("nij,njk,nik->ni", J, P, J)
     return euler, np.sqrt(np.maximum(shown, 0.0))
+
+
+def symmetric(diagonal: FloatArray, others: FloatArray) -> FloatArray:
+    """Return symmetric matrices (n, 3, 3).
+
+    Parameters
+    ----------
+    diagonal, others : (n, 3) arrays
+        Their diagonals, and their elements (0, 1), (0, 2), (1, 2).
+    """
+    P = np.zeros((len(diagonal), 3, 3))
+    P[:, range(3), range(3)] = diagonal
+    for k, (i, j) in enumerate(_OFF_DIAGONAL):
+        P[:, i, j] = P[:, j, i] = others[:, k]
+    return P
 
 
 class Anchor(NamedTuple):

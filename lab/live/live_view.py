@@ -8,7 +8,15 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.live.attitude_only import NORTH, AttitudeOnly
-from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, COASTING, NAVIGATING, WAITING, LiveState
+from lab.live.live_state import (
+    ALIGNING,
+    ATTITUDE_ONLY,
+    COASTING,
+    NAVIGATING,
+    WAITING,
+    LiveState,
+    symmetric,
+)
 from lab.live.live_stream import POSITION_LIMIT, Sample, Stream
 from lab.motion.frames.displacement import metres_per_radian
 from lab.navigation.standstill import SHORTEST
@@ -59,11 +67,14 @@ def state_of(stream: Stream, counted: dict[str, Any]) -> LiveState:
         return LiveState(**shown)
     here = stream.sample(stream.end - 1)
     sigma = np.sqrt(np.maximum(here.variance, 0.0))
+    position, attitude = symmetric(here.variance[[[0, 1, 2], [6, 7, 8]]], here.covariance)
     shown |= {
         "euler": here.euler,
         "euler_sigma": here.euler_sigma,
         "bias": here.bias,
         "bias_sigma": sigma[9:15],
+        "attitude_covariance": attitude,
+        "rate": _rate(stream) - here.bias[:3],
         "is_at_rest": stream.is_at_rest,
     }
     if stream.attitude is not None:
@@ -77,6 +88,7 @@ def state_of(stream: Stream, counted: dict[str, Any]) -> LiveState:
         shown |= {
             "position": here.position,
             "position_sigma": sigma[:3],
+            "position_covariance": position,
             "velocity_n": here.velocity_n,
             "velocity_sigma": sigma[3:6],
         }
@@ -129,9 +141,20 @@ def _of_fix(stream: Stream) -> dict[str, FloatArray]:
     return {
         "position": row["position"],
         "position_sigma": sigma[:3],
+        "position_covariance": np.diag(row["variances"][:3]),
         "velocity_n": row["velocity_n"],
         "velocity_sigma": np.where(np.isnan(row["velocity_n"]), np.nan, sigma[3:]),
     }
+
+
+def _rate(stream: Stream) -> FloatArray:
+    """Return the mean angular rate over the last step [rad/s]; NaN at the first sample."""
+    start = max(stream.end - 2, stream.samples.first)
+    time = stream.samples.rows("time", start, stream.end)
+    if time.size < 2 or not time[-1] > time[0]:
+        return np.full(3, np.nan)
+    turn = stream.samples.rows("dtheta", stream.end - 1, stream.end)[0]
+    return np.asarray(turn / (time[-1] - time[0]), dtype=np.float64)
 
 
 def _innovation(stream: Stream) -> dict[str, FloatArray]:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.files.mission_error import MissionError
+from lab.data.clock.reading_times import NO_READINGS
 from lab.data.log.sensor_log import SensorLog
 from lab.data.streams.ring import Read
 from lab.data.streams.rolling import ThinnedSamples
 from lab.data.streams.source import Source
 from lab.data.streams.source_status import Status
 from lab.live.bench.growing_allan import GrowingAllan
-from lab.live.live_navigator import LiveNavigator
+from lab.live.live_navigator import STEP, LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of
 from lab.live.owner import Owner
@@ -44,6 +45,10 @@ class Station:
         The assumptions of the live navigator.
     name
         What people call it; others may have the same.
+    step
+        Shortest time of samples that is navigated with at once [s].
+    tell
+        Called by the navigator's thread with each new state; it must not wait.
 
     Attributes
     ----------
@@ -64,7 +69,15 @@ class Station:
         Who opened it; set by `lab.live.stations.Stations`.
     """
 
-    def __init__(self, source: Source, sensors: SensorSuite, navigator: NavigatorSettings, name: str) -> None:
+    def __init__(
+        self,
+        source: Source,
+        sensors: SensorSuite,
+        navigator: NavigatorSettings,
+        name: str,
+        step: float = STEP,
+        tell: Callable[[LiveState], None] | None = None,
+    ) -> None:
         self.source = source
         self.name = name
         self.thinned = ThinnedSamples()
@@ -78,7 +91,8 @@ class Station:
         self._assumed = navigator.copy()
         if self._assumed.vehicle == "auto" and source.vehicle:
             self._assumed.vehicle = source.vehicle
-        self._navigator: LiveNavigator | None = LiveNavigator(sensors, self._assumed)
+        self._step, self._tell = step, tell
+        self._navigator: LiveNavigator | None = LiveNavigator(sensors, self._assumed, step=step)
         self._state = self._navigator.state
         self._lock = threading.Lock()  # of the navigator
         self._growing: GrowingAllan | None = None
@@ -180,7 +194,7 @@ class Station:
         """Navigate with all samples that are kept again: their angular rates have another unit."""
         with self._lock, self._growing_lock:
             if self._navigator is not None:
-                self._navigator = LiveNavigator(self.sensors, self._assumed)
+                self._navigator = LiveNavigator(self.sensors, self._assumed, step=self._step)
                 self._state = self._navigator.state
             if self._growing is not None:
                 self._growing = GrowingAllan()
@@ -198,6 +212,8 @@ class Station:
         with self._lent() as navigator:
             navigator.finish()
             self._state = navigator.state
+        if self._tell is not None:
+            self._tell(self._state)
 
     def _note(self, read: Read) -> None:
         """Take note of the times of the first and the newest sample or fix."""
@@ -226,13 +242,39 @@ class Station:
         if self.failure:
             return
         try:
-            with self._lent() as navigator:
-                navigator.losses = self.source.losses  # after the samples, so that it explains them
-                if navigator.feed(read.imu, read.fix, read.reading):
-                    self._state = navigator.state
+            *first, last = self._pieces(read.imu)
+            for piece in first:
+                self._feed(piece)
+            self._feed(last, read.fix, read.reading)
         except Exception as error:
             self.failure = f"The navigator failed: {type(error).__name__}: {error}"
             raise
+
+    def _pieces(self, imu: NDArray[np.void]) -> list[NDArray[np.void]]:
+        """Return samples in pieces of a step, if somebody is told each state and they came together.
+
+        Those that came one by one and waited are processed at once: a computer that is behind must not fall
+        back further.
+        """
+        if self._tell is None or imu.size < 2 or imu["time"][-1] - imu["time"][0] < self._step:
+            return [imu]
+        if imu["arrival"][-1] - imu["arrival"][0] > self._step:
+            return [imu]
+        return list(np.split(imu, np.flatnonzero(np.diff(np.floor(imu["time"] / self._step))) + 1))
+
+    def _feed(
+        self,
+        imu: NDArray[np.void],
+        fixes: NDArray[np.void] | None = None,
+        readings: NDArray[np.void] = NO_READINGS,
+    ) -> None:
+        with self._lent() as navigator:
+            navigator.losses = self.source.losses  # after the samples, so that it explains them
+            if not navigator.feed(imu, fixes, readings):
+                return
+            self._state = navigator.state
+        if self._tell is not None:
+            self._tell(self._state)
 
     def wait(self) -> None:
         """Wait until all samples of a source that has ended are navigated with."""

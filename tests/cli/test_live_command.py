@@ -14,6 +14,7 @@ import sys
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from asking import ask, refused
 from live_streams import fixes, motion
@@ -103,8 +104,8 @@ def test_a_recording_is_navigated_with(tmp_path: Path) -> None:
     assert answer.exit_code == 0, answer.output
     last = [json.loads(line) for line in answer.stdout.splitlines()][-1]
     assert last["phase"] == "navigating"
-    assert abs(last["euler"][1] * 57.3 - 2.45) < 1  # the pitch at the start of the flight
-    assert last["position_sigma"][0] < 5
+    assert abs(last["pitch_deg"] - 2.45) < 1  # that at the start of the flight
+    assert last["north_sigma_m"] < 5
     refused(ask("live", "navigate", replay, "--card", "nothing"), "nothing")
     refused(ask("live", "navigate", replay, "--set", "navigator.model=nonlinear"), "nonlinear")
 
@@ -251,6 +252,56 @@ def test_a_unit_that_nothing_names_is_a_question_on_standard_error(tmp_path: Pat
     refused(ask("allan", str(path)), "--unit Gyr_X=°/s")
 
 
+def test_a_unit_for_a_stream_that_is_no_text_is_reported() -> None:
+    answer = ask("live", "watch", "simulated:rest?hz=50", "--seconds", "2", "--unit", "rate=rad/s")
+    assert answer.exit_code == 0, answer.output
+    assert "--unit had no effect: units are of text lines, and the source sends vectornav" in answer.stderr
+
+
+def test_text_without_times_is_timed_by_the_rate_that_is_given(tmp_path: Path) -> None:
+    path = tmp_path / "bare.csv"
+    rng = np.random.default_rng(1)
+    rows = rng.normal((0, 0, 9.8, 0, 0, 0), (0.01, 0.01, 0.01, 0.1, 0.1, 0.1), (3000, 6))
+    np.savetxt(path, rows, "%.4f", ",", header="ax,ay,az,gx,gy,gz", comments="")
+    source = f"replay:{path}?speed=max"
+    assert "nothing in it has a time, so that its samples cannot be timed; with --rate 100" in (
+        ask("live", "watch", source).stderr
+    )
+    answer = ask("live", "watch", source, "--rate", "60")
+    assert "Timed by the number of samples at 60 Hz, given." in answer.stderr
+    refused(ask("allan", str(path), "--unit", "rate=deg/s"), "--rate 100")
+    answer = ask("allan", str(path), "--unit", "rate=deg/s", "--rate", "60", "--json")
+    assert answer.exit_code == 0, answer.output
+    assert json.loads(answer.stdout)["gyro"]["dt_s"] == pytest.approx(1 / 60)
+    refused(ask("allan", "ADIS16470", "--rate", "60"), "are for logs")
+
+
+def test_what_navigates_sends_its_solution_and_counts_what_was_lost(tmp_path: Path) -> None:
+    path, out = tmp_path / "raw.bin", tmp_path / "out.mcap"
+    path.write_bytes(VectorNavEncoder().encode(motion(400), fixes(0)))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reader:
+        reader.bind(("127.0.0.1", 0))
+        reader.settimeout(60)
+        port = reader.getsockname()[1]
+        answer = ask(
+            "live", "navigate", f"replay:{path}", "--to", f"udp:127.0.0.1:{port}", "--hz", "50",
+            "--to", f"mcap:{out}", "--to", "tcp:0.0.0.0:0?protocol=nmea", "--json",
+        )  # fmt: skip
+        assert answer.exit_code == 0, answer.output
+        row = json.loads(reader.recv(65536))
+    printed = json.loads(answer.stdout.splitlines()[-1])
+    assert printed.keys() - row.keys() == {"reason", "heading_source"}
+    assert row.keys() <= printed.keys()
+    assert f"sends json at 50 Hz: datagrams to 127.0.0.1, port {port}" in answer.stderr
+    assert "sends nmea at 50 Hz: tcp://0.0.0.0:" in answer.stderr
+    assert "other computers can connect" in answer.stderr
+    sent = re.search(r"out\.mcap: (\d+) rows sent, (\d+) lost", answer.stderr)
+    assert sent is not None
+    assert int(sent[1]) + int(sent[2]) > 20  # of 200; those that a busy computer sends
+    assert out.read_bytes().endswith(b"MCAP0\r\n")
+    refused(ask("live", "navigate", f"replay:{path}", "--to", f"mcap:{out}"), f"--to mcap:{out}", "exists")
+
+
 def test_columns_that_are_not_recognised_are_shown_and_named_by_number(tmp_path: Path) -> None:
     path = tmp_path / "odd.txt"
     path.write_text("".join(f"D 2.{k % 7} 2.{k % 5} 3.{k % 3} 1.{k % 2} 2.{k % 9} 1.5\n" for k in range(600)))
@@ -277,7 +328,16 @@ def test_columns_that_are_not_recognised_are_shown_and_named_by_number(tmp_path:
     ("arguments", "words"),
     [
         (["watch", "udp:5555", "--unit", "rate=lb"], ["'lb' is no unit of it", "°/s, rad/s"]),
-        (["watch", "udp:5555", "--unit", "rate"], ["'rate'", "NAME=VALUE"]),
+        (["watch", "udp:5555", "--unit", "rate"], ["--unit rate", "QUANTITY=UNIT, such as rate=deg/s"]),
+        (["watch", "udp:5555", "--rate", "0"], ["--rate 0", "0.1 to 10000 Hz"]),
+        (["watch", "udp:5555?rate=x"], ["rate = 'x'", "0.1 to 10000 Hz"]),
+        (["navigate", "udp:5555", "--to", "nowhere"], ["--to 'nowhere'", "udp:COMPUTER:PORT"]),
+        (["navigate", "udp:5555", "--to", "tcp:5556", "--hz", "900"], ["--hz 900", "0.1 to 200 Hz"]),
+        (["navigate", "udp:5555", "--hz", "50"], ["--hz: needs --to"]),
+        (["navigate", "udp:5555?to=tcp:1"], ["'to' is no option of a udp source"]),
+        (["navigate", "udp:5555", "--to", "tcp:1?protocol=ubx"], ["'ubx'", "json, nmea, mavlink"]),
+        (["navigate", "udp:5555", "--to", "mcap:nowhere/a.mcap"], ["--to mcap:nowhere/a.mcap"]),
+        (["navigate", "udp:5555", "--to", "udp:no.such.invalid:9"], ["no computer with this name"]),
         (["watch", "udp:5555", "--column", "1=moon[m/s]"], ["'moon' is no quantity"]),
         (["watch", "udp:5555?protocol=mip", "--unit", "rate=deg/s"], ["columns are of text lines"]),
         (["watch"], ["SOURCE"]),

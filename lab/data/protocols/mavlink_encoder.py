@@ -1,18 +1,30 @@
-"""MAVLink encoder: samples in HIGHRES_IMU and fixes in GPS_RAW_INT, by pymavlink."""
+"""MAVLink encoder: samples in HIGHRES_IMU and fixes in GPS_RAW_INT, by pymavlink; and a navigator's solution.
+
+A solution is sent in HEARTBEAT, SYSTEM_TIME, ATTITUDE, GLOBAL_POSITION_INT, GLOBAL_POSITION_INT_COV and
+VFR_HUD.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.arrays import FloatArray
 from lab.base.parameters.units import GAUSS
 from lab.data.protocols.mavlink import MISSING
 from lab.data.protocols.samples import NO_FIX
-from lab.data.protocols.sending import known, merged, microseconds, sent_fix, vector
+from lab.data.protocols.sending import known, merged, microseconds, sent_fix, vector, whole
+from lab.data.protocols.sent_solution import SentSolution
 
+HEARTBEAT_PERIOD = 1.0
+"""Time between two HEARTBEAT and SYSTEM_TIME [s], as ground stations expect them."""
 _ALL_FIELDS = 0x1FFF  # fields_updated of HIGHRES_IMU: all thirteen
+_ACTIVE = 4  # system_status of HEARTBEAT
+_GPS_INS = 5  # estimator_type: GPS and an INS combined
+_LARGEST_SINGLE = 3.4e38  # largest number in single precision, about
 _UNKNOWN = 65_535  # value of an unknown 16-bit field of GPS_RAW_INT
 
 
@@ -28,11 +40,7 @@ class MavlinkEncoder:
     name = "mavlink"
 
     def __init__(self) -> None:
-        try:
-            from pymavlink.dialects.v20 import ardupilotmega as dialect  # noqa: PLC0415 - an extra
-        except ImportError as error:
-            raise ImportError(MISSING) from error
-        self._link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._link = _link_of_system_1()
         self._wheel: tuple[int, float, float] | None = None  # last time [µs], speed [m/s], distance [m]
 
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
@@ -81,6 +89,93 @@ class MavlinkEncoder:
         return self._packed(message)
 
     def _packed(self, message: object) -> bytes:
-        packed = message.pack(self._link)  # type: ignore[attr-defined]
-        self._link.seq = (self._link.seq + 1) % 256
-        return bytes(packed)
+        return _packed_by(self._link, message)
+
+
+class MavlinkSolution:
+    """Writes solutions as the autopilot of system 1 does.
+
+    Heights of these messages are above sea level, and no value of theirs stands for an unknown one: where it
+    is not known, messages with a position are left out.
+
+    Raises
+    ------
+    ImportError
+        If pymavlink is not installed.
+    """
+
+    def __init__(self) -> None:
+        self._link = _link_of_system_1()
+        self._begun = self._beaten = math.nan
+        self._home = math.nan
+
+    def written(self, solution: SentSolution) -> bytes:
+        """Return the messages of a solution; HEARTBEAT and SYSTEM_TIME once a second."""
+        if not solution.time >= self._begun:  # the first one, or the clock was set back
+            self._begun, self._beaten = solution.time, -math.inf
+        link, boot = self._link, round(1e3 * (solution.time - self._begun)) % 2**32
+        messages = []
+        if solution.time - self._beaten >= HEARTBEAT_PERIOD:
+            self._beaten = solution.time
+            messages.append(link.heartbeat_encode(0, 0, 0, 0, _ACTIVE))  # a generic vehicle, in no mode
+            messages.append(link.system_time_encode(microseconds(solution.utc), boot))
+        if solution.has_attitude:
+            roll, pitch, heading = np.radians(solution.euler).tolist()
+            yaw = (heading + math.pi) % (2 * math.pi) - math.pi if solution.has_heading else math.nan
+            rates = _singles(np.radians(solution.rate))
+            messages.append(link.attitude_encode(boot, roll, pitch, yaw, *rates))
+        if solution.has_position and math.isfinite(solution.sea_height):
+            messages += self._place(solution, boot)
+        return b"".join(_packed_by(link, message) for message in messages)
+
+    def _place(self, solution: SentSolution, boot: int) -> list[object]:
+        link, sea = self._link, solution.sea_height
+        if math.isnan(self._home):
+            self._home = sea
+        place = round(1e7 * solution.latitude), round(1e7 * solution.longitude)
+        heights = whole(1e3 * sea, 32), whole(1e3 * (sea - self._home), 32)
+        has_heading = solution.has_attitude and solution.has_heading
+        heading = float(solution.euler[2]) % 360
+        messages = []
+        north, east, down = solution.velocity_n.tolist()
+        if math.isfinite(north + east + down):
+            yaw = round(100 * heading) % 36_000 if has_heading else _UNKNOWN
+            speeds = (whole(100 * one) for one in (north, east, down))
+            messages.append(link.global_position_int_encode(boot, *place, *heights, *speeds, yaw))
+            course = round(heading) % 360 if has_heading else 0
+            speed, height, climb = _singles(np.array([solution.speed, sea, -down]))
+            messages.append(link.vfr_hud_encode(math.nan, speed, course, 0, height, climb))
+        covariance = np.full((6, 6), np.nan)
+        covariance[:3, :3] = solution.position_covariance
+        covariance[range(3, 6), range(3, 6)] = solution.velocity_sigma**2
+        velocity = _singles(solution.velocity_n)
+        messages.append(
+            link.global_position_int_cov_encode(
+                microseconds(solution.utc),
+                _GPS_INS,
+                *place,
+                *heights,
+                *velocity,
+                _singles(covariance.ravel()),
+            )
+        )
+        return messages
+
+
+def _link_of_system_1() -> Any:
+    try:
+        from pymavlink.dialects.v20 import ardupilotmega as dialect  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise ImportError(MISSING) from error
+    return dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+
+
+def _singles(values: FloatArray) -> list[float]:
+    """Return numbers that fit into single precision."""
+    return np.clip(values, -_LARGEST_SINGLE, _LARGEST_SINGLE).tolist()  # type: ignore[no-any-return]
+
+
+def _packed_by(link: Any, message: Any) -> bytes:
+    packed = message.pack(link)
+    link.seq = (link.seq + 1) % 256
+    return bytes(packed)

@@ -216,8 +216,8 @@ def _arrivals(
             )
         if not rate > 0:
             raise RecordingError(
-                f"{path}: nothing in it has a time, so that its samples cannot be timed; with rate=100 they "
-                "are taken to come 100 times a second"
+                f"{path}: nothing in it has a time, so that its samples cannot be timed; with --rate 100, or "
+                "rate=100 in an address, they are taken to come 100 times a second"
             )
         times, ends = np.arange(len(samples.imu)) / rate, samples.imu["end"]
     order = np.argsort(ends, kind="stable")

@@ -81,6 +81,11 @@ class PseudoTerminal:
         except BlockingIOError:
             return 0
 
+    def discard(self) -> None:
+        """Throw away what the reader wrote: its writes must not wait for room."""
+        with contextlib.suppress(BlockingIOError):
+            os.read(self._ours, 4096)
+
     def unplug(self) -> None:
         """Close both sides: who reads gets an error."""
         ours, theirs, self._ours, self._theirs = self._ours, self._theirs, -1, -1

@@ -1,0 +1,196 @@
+"""Listener: a port of TCP, or a WebSocket, from which programs read rows."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, Final
+
+from lab.data.protocols.foxglove import SUBPROTOCOLS, Conversation, messages_of, stamp_of
+from lab.data.protocols.sent_solution import SentSolution
+from lab.live.outlets.destination import Destination
+from lab.live.outlets.reader import Reader, Row
+
+MOST_READERS: Final = 16
+"""Readers of a listener at a time."""
+BUFFER: Final = 2**15
+"""Buffer of the system for a reader of TCP [bytes]: a larger one would hold rows of many seconds."""
+LARGEST_MESSAGE: Final = 2**16
+"""Largest message of a reader of a WebSocket [bytes]: Foxglove asks for channels in some hundred."""
+LONGEST_CLOSE: Final = 0.5
+"""Longest time for which the end waits for readers [s]."""
+_SILENT: Final = logging.Logger("outlets", logging.CRITICAL)
+"""Logger of handshakes: one that fails is an error to `websockets`."""
+
+
+class Listener:
+    """A port of TCP; each reader gets the rows from its coming on."""
+
+    refused: Sequence[str] = ()
+
+    def __init__(self, destination: Destination, write: Callable[[SentSolution], bytes]) -> None:
+        self._destination, self._write = destination, write
+        self._server: Any = None
+        self._readers: set[Reader] = set()
+        self._sent = self._lost = self._came = 0  # of those that left, and all that came
+        self.place = ""
+        """Where it listens."""
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """As of `Outlet`."""
+        sent, lost = (
+            sum(getattr(reader, name) for reader in tuple(self._readers)) for name in ("sent", "lost")
+        )
+        return self._sent + sent, self._lost + lost, self._came
+
+    async def open(self) -> None:
+        """Listen."""
+        place = self._destination
+        self._server = await asyncio.start_server(self._serve, place.host, place.port, limit=LARGEST_MESSAGE)
+        self._opened()
+
+    def send(self, solution: SentSolution) -> None:
+        """Give the row to all readers."""
+        data = self._write(solution)  # without readers too: some protocols count their messages
+        if data:
+            for reader in self._readers:
+                reader.put([data])
+
+    async def close(self) -> None:
+        """Wait a moment for the readers, and end."""
+        waiting = [reader.emptied() for reader in self._readers]
+        if waiting:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(asyncio.gather(*waiting), LONGEST_CLOSE)
+        if self._server is not None:
+            self._server.close()
+
+    def _opened(self) -> None:
+        host, port = self._server.sockets[0].getsockname()[:2]
+        self.place = f"{self._destination.kind}://{f'[{host}]' if ':' in host else host}:{port}"
+
+    async def _while_heard(
+        self, reader: Reader, write: Callable[[Row], Awaitable[None]], gone: Awaitable[None]
+    ) -> None:
+        """Send rows to a reader until it is gone."""
+        self._readers.add(reader)
+        self._came += 1
+        tasks = [asyncio.ensure_future(reader.send(write)), asyncio.ensure_future(gone)]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            reader.end()
+            self._readers.discard(reader)
+            self._sent, self._lost = self._sent + reader.sent, self._lost + reader.lost
+
+    async def _serve(self, stream: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if len(self._readers) >= MOST_READERS:
+            writer.close()
+            return
+        writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+        writer.transport.set_write_buffer_limits(0)
+
+        async def write(row: Row) -> None:
+            writer.writelines(row)
+            await writer.drain()
+
+        async def gone() -> None:
+            while await stream.read(LARGEST_MESSAGE):  # what it sends is not looked at
+                pass
+            await writer.wait_closed()  # who has nothing to say may read on
+
+        try:
+            await self._while_heard(Reader(), write, gone())
+        finally:
+            writer.transport.abort()
+
+
+class WebSocket(Listener):
+    """A WebSocket: rows as messages, and for Foxglove the channels that it asks for."""
+
+    def __init__(self, destination: Destination, write: Callable[[SentSolution], bytes]) -> None:
+        super().__init__(destination, write)
+        self.refused: list[str] = []
+        self._conversations: dict[Reader, Conversation] = {}
+
+    async def open(self) -> None:
+        """Listen."""
+        from websockets.asyncio.server import serve  # noqa: PLC0415 - needed with this destination only
+        from websockets.typing import Subprotocol  # noqa: PLC0415
+
+        self._server = await serve(
+            self._meet,
+            self._destination.host,
+            self._destination.port,
+            process_request=self._check,
+            select_subprotocol=lambda connection, offered: next(
+                (Subprotocol(name) for name in SUBPROTOCOLS if name in offered), None
+            ),
+            compression=None,
+            logger=_SILENT,  # a handshake that fails is no matter of whoever navigates
+            max_size=LARGEST_MESSAGE,
+            write_limit=1,
+            close_timeout=LONGEST_CLOSE,
+        )
+        self._opened()
+
+    def send(self, solution: SentSolution) -> None:
+        """Give the row to all readers, to each as it wants it."""
+        data = self._write(solution)
+        messages = messages_of(solution) if self._conversations else {}
+        for reader in self._readers:
+            conversation = self._conversations.get(reader)
+            row = [data] if conversation is None else conversation.written(stamp_of(solution), messages)
+            if row and row[0]:
+                reader.put(row)
+
+    async def close(self) -> None:
+        """Wait a moment for the readers, and take leave."""
+        await super().close()
+        if self._server is not None:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._server.wait_closed(), LONGEST_CLOSE)
+
+    def _check(self, connection: Any, request: Any) -> Any:
+        """Refuse a page of a browser whose origin nobody named: programs send none."""
+        for origin in request.headers.get_all("Origin"):
+            if origin.lower() not in self._destination.origins:
+                shown = origin[:100] if origin.isprintable() else "an unprintable origin"
+                if shown not in self.refused and len(self.refused) < MOST_READERS:
+                    self.refused.append(shown)
+                return connection.respond(403, "The origin of this page was not named at the start.\n")
+        if len(self._readers) >= MOST_READERS:
+            return connection.respond(503, "There are too many readers.\n")
+        return None
+
+    async def _meet(self, connection: Any) -> None:
+        transport = connection.transport
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+        reader, is_text = Reader(), self._destination.protocol != "mavlink"
+        conversation = Conversation() if connection.subprotocol else None
+        if conversation is not None:
+            self._conversations[reader] = conversation
+            for greeting in conversation.greetings():
+                await connection.send(greeting)
+
+        async def write(row: Row) -> None:
+            for message in row:
+                as_text = is_text and conversation is None
+                await connection.send(message.decode().rstrip("\n") if as_text else message)
+
+        async def gone() -> None:
+            async for message in connection:
+                if conversation is not None:
+                    conversation.accept(message)
+
+        try:
+            await self._while_heard(reader, write, gone())
+        finally:
+            self._conversations.pop(reader, None)
