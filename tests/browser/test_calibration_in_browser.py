@@ -17,9 +17,7 @@ pytestmark = pytest.mark.browser
 
 def give(page: Page, path: Path) -> None:
     """Choose a file."""
-    with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Choose or drop a log").click()
-    chooser.value.set_files(path)
+    page.get_by_role("button", name="Choose or drop a log").set_input_files(path)
 
 
 def test_a_dropped_log_is_calibrated_and_one_that_moved_is_refused(shared_page: Page, tmp_path: Path) -> None:
