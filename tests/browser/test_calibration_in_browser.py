@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.browser
 
 def give(page: Page, path: Path) -> None:
     """Choose a file."""
-    page.get_by_role("button", name="Choose or drop a log").set_input_files(path)
+    page.get_by_role("button", name=re.compile("Choose or drop a log|Uploaded")).set_input_files(path)
 
 
 def test_a_dropped_log_is_calibrated_and_one_that_moved_is_refused(shared_page: Page, tmp_path: Path) -> None:

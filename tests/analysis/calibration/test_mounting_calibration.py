@@ -63,8 +63,8 @@ def test_sigma_of_the_angles_is_true_over_drives(tmp_path: Path) -> None:
         )
     rms = np.sqrt(np.mean(np.square(off), axis=0))
     print(f"estimate/σ has rms {rms[0]:.2f} (pitch), {rms[1]:.2f} (yaw)")
-    assert (rms > 0.7).all()
-    assert (rms < 1.2).all()
+    assert (rms > 0.5).all()  # the car does not slip at all, and σ counts the slip that the filter assumes
+    assert (rms < 1.1).all()
 
 
 def test_a_straight_mounting_gains_nothing(tmp_path: Path) -> None:
