@@ -112,8 +112,8 @@ class Calibrate(Page):
         )
         return pn.Column(
             pn.FlexBox(self._kind, self._upload, self._mounting, margin=(0, 12), align_items="center"),
-            self.words,
             pn.FlexBox(self._file, self._card, margin=(0, 12)),
+            self.words,
             sizing_mode="stretch_width",
             margin=0,
         )
@@ -186,7 +186,7 @@ class Calibrate(Page):
 
 
 def found_html(found: Found) -> str:
-    """Return the table of the stated terms, and the sentences with what they rest on."""
+    """Return the sentences with what they rest on, and the table of the stated terms."""
     rows = "".join(
         f"<tr><td>{escape(one.group)}</td><td>{escape(one.name)} {escape(one.axis)}</td>"
         + f"<td>{one.value:+.4g}</td><td>{one.sigma:.2g}</td>".replace("-", "−")
@@ -197,4 +197,4 @@ def found_html(found: Found) -> str:
     head = "".join(f"<th>{name}</th>" for name in ("sensor", "term", "value", "σ", "95 % interval", "unit"))
     said = "".join(f"<li>{escape(sentence)}</li>" for sentence in found.sentences)
     table = f"<table><tr>{head}</tr>{rows}</table>" if rows else "<p><b>No number is stated.</b></p>"
-    return f"{table}<ul>{said}</ul>"
+    return f"<ul>{said}</ul>{table}"

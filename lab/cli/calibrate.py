@@ -132,18 +132,17 @@ def mounting(
     as_json: AsJson = False,
 ) -> None:
     """Find the small angles of the IMU in a vehicle on wheels, so that wheels help instead of harm."""
-    from lab.experiment.calibration import calibrate_mounting  # noqa: PLC0415 - help does not need it
+    from lab.experiment.calibration import applied_to, calibrate_mounting  # noqa: PLC0415 - help does not need it
 
     check_out(out, True, ".toml", "a calibration", "--out")
     chosen = experiment(mission, config, None, assignments, None)
     with working(mission) as progress:
         found = calibrate_mounting(chosen, progress)
-    _answer(found, out, force, as_json)
+    _answer(found, out, force, as_json, applied_to(chosen.mission))
 
 
-def _answer(found: Found, out: Path | None, force: bool, as_json: bool) -> None:
+def _answer(found: Found, out: Path | None, force: bool, as_json: bool, applied: Path | None = None) -> None:
     """Write the file, if one is asked for, and print what was found."""
-    from lab.data.log.calibration import read_calibration  # noqa: PLC0415 - beside what it goes with
     from lab.experiment.calibration import written  # noqa: PLC0415 - beside what it goes with
 
     if as_json:
@@ -172,7 +171,7 @@ def _answer(found: Found, out: Path | None, force: bool, as_json: bool) -> None:
             f"--out {out}: exists already; --force renews what this calibration knows and keeps the other "
             "sensors"
         )
-    whole = written(found, out, read_calibration(out) if out.exists() else None)
+    whole = written(found, out, applied)
     if not as_json:
         print(f"\n{out}: {whole.words}")
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from lab.analysis.calibration import imu_calibration, magnetometer, mounting
 from lab.analysis.calibration.imu_calibration import ImuCalibration
@@ -20,7 +22,7 @@ from lab.base.progress import Progress
 from lab.data.files.unit_names import UNITS
 from lab.data.formats import log_reader_of
 from lab.data.log.auxiliary_data import Magnetometer
-from lab.data.log.calibration import Calibration
+from lab.data.log.calibration import Calibration, read_calibration
 from lab.data.sheets.sensor_csv import sheets_of
 from lab.data.sheets.sheet_imu import triads
 from lab.data.streams.capture import holds_samples
@@ -181,19 +183,45 @@ def _data(terms: Sequence[Term], where: str) -> dict[str, Datum]:
     return data
 
 
-def written(found: Found, path: Path, before: Calibration | None = None) -> Calibration:
-    """Write what gains of a calibration, and what another one knows besides, and return it.
+def written(found: Found, path: Path, applied: Path | None = None) -> Calibration:
+    """Write what gains of a calibration, and what the file knows besides, and return it.
+
+    Parameters
+    ----------
+    found
+        The calibration.
+    path
+        The file; one that is there keeps what it knows of other sensors.
+    applied
+        The file that the log was read with: a mounting is added to the one in it.
 
     Raises
     ------
     MissionError
-        If nothing gains.
+        If nothing gains, the file cannot be read, or it has a mounting that the log was not read with.
     """
     if found.calibration.is_empty:
         raise MissionError(f"{path}: not written: {' '.join(map(str, found.sentences))}")
-    whole = found.calibration if before is None else before.with_other(found.calibration)
+    whole = found.calibration
+    if path.exists():
+        before = read_calibration(path)
+        whole = before.with_other(found.calibration)
+        if before.mounting.any() and found.calibration.mounting.any():
+            if applied is None or not applied.samefile(path):
+                raise MissionError(
+                    f"{path}: has a mounting already; accepted is another file, or the calibration in "
+                    "log.toml of this log, to which the found angles are added"
+                )
+            both = Rotation.from_matrix(found.calibration.turn @ before.turn).as_euler("ZYX")
+            whole = replace(whole, mounting=both[::-1].copy())
     whole.write(path)
     return whole
+
+
+def applied_to(name: str) -> Path | None:
+    """Return the calibration that a sensor log is read with, by its mission; None if there is none."""
+    found = find_mission(name)
+    return found.files.calibration if isinstance(found, LogMission) else None
 
 
 def _paths(source: Source) -> list[Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,6 +94,28 @@ def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
     assert "for all who watch it" in part._notice.text
     part._forget()
     assert part._use.disabled
+
+
+def test_a_calibration_file_is_applied_to_the_source(one: Opened, tmp_path: Path) -> None:
+    page, station = one.page, one.page._station
+    assert station is not None
+    page._choice.value = AXES
+    part, source = page._axes, station.source
+    wrong, file = tmp_path / "wrong.toml", tmp_path / "sensor.toml"
+    wrong.write_text("[gyro]\nbias = [0, 0, 90]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n")
+    part._calibrate([wrong])
+    assert part._notice.text.startswith("wrong.toml: gyro.bias is beyond 50")
+    assert source.calibration is None
+    one.until(lambda: source.end.imu > 100)
+    before = source.last(0.3).imu["rate"].mean(axis=0)
+    file.write_text("[gyro]\nbias = [5, 0, -5]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n")
+    part._calibrate([file])
+    assert "gyro bias and matrix" in part._notice.text
+    assert source.calibration is not None
+    end = source.end.imu
+    one.until(lambda: source.end.imu > end + 200)
+    after = source.last(0.3).imu["rate"].mean(axis=0)
+    np.testing.assert_allclose(after, before - np.radians([5.0, 0.0, -5.0]), atol=0.01)
 
 
 @pytest.mark.proof

@@ -216,7 +216,7 @@ def solve_linear(problem: Problem) -> tuple[Fit, FloatArray]:
         normal, side = np.diag(weight), -weight * problem.about
         for k in range(3):
             normal, side = normal + parts[k] / sizes[k] ** 2, side + sides[k] / sizes[k] ** 2
-        inverse = np.linalg.pinv(normal, hermitian=True)
+        inverse = np.linalg.inv(normal)
         change = inverse @ side
         left = r - J @ change
         for k in range(3):

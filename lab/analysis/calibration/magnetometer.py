@@ -54,6 +54,8 @@ class FieldLimits:
     """Largest size of a field [µT]: that of the Earth is up to 67 µT, and sensors err by some percent."""
     round: float = 0.15
     """Largest scatter about the surface, in the size of the field: with more, it is no surface."""
+    within: float = 0.5
+    """Part of an axis of the device in the plane, squared, from which the plane shows iron along it."""
     folds: int = 12
     """Parts of the log that are withheld in turn."""
     no_worse: float = 1.0
@@ -66,9 +68,8 @@ ELLIPSOID, SPHERE, PLANE = "ellipsoid", "sphere", "ellipse in a plane"
 """The models."""
 GROUP = "magnetometer"
 _PAIRS = ((0, 1), (0, 2), (1, 2))
+"""The entries off the diagonal of a symmetric matrix."""
 _AXES = "xyz"
-_SHOWN_PARTS = 3
-"""Digits of a direction in words."""
 
 
 class _Model(NamedTuple):
@@ -274,7 +275,8 @@ def _models(fields: FloatArray) -> tuple[list[_Model], str]:
     angles = np.arctan2(*(seen - around).T[::-1])
     sectors = np.unique(np.floor(angles / LIMITS.sector)).size * LIMITS.sector
     if spread[1] < LIMITS.flat * circle[-1] or sectors < LIMITS.arc:
-        turned = min(np.degrees(sectors), spread[0] / circle[-1] * np.degrees(np.sqrt(12)), 360)
+        # Evenly spread over an arc, fields have a σ of its length over √12.
+        turned = np.degrees(min(sectors, spread[0] / circle[-1] * np.sqrt(12), 2 * np.pi))
         return [], f"the fields cover some {turned:.0f}° of a circle"
     covered = f"the fields lie near a plane, perpendicular to x, y, z = {normal}"
     return [_Model(PLANE, axes[:2].T, False), _Model(PLANE, axes[:2].T, True)], covered
@@ -333,7 +335,7 @@ def _result(best: _Found, judgement: Judgement, covered: str, source: str) -> Ma
     hard = basis @ centre
     terms = []
     of_hard = np.sqrt(np.diagonal(basis @ best.covariance[:d, :d] @ basis.T))
-    in_plane = (basis**2).sum(axis=1) > 0.5
+    in_plane = (basis**2).sum(axis=1) > LIMITS.within
     for k, axis in enumerate(_AXES):
         if in_plane[k]:
             terms.append(

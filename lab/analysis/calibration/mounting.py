@@ -238,7 +238,7 @@ def check_drive(log: SensorLog) -> None:
             f"{LIMITS.shortest:g} s, half of which judge the angles of the other half"
         )
     course = np.unwrap(np.arctan2(log.gnss.velocity_n[:, 1], log.gnss.velocity_n[:, 0])[speed > LIMITS.speed])
-    every = max(round(LIMITS.apart / max(float(np.median(np.diff(log.gnss.time))), 1e-3)), 1)
+    every = max(round(LIMITS.apart / max(float(np.median(np.diff(log.gnss.time))), LIMITS.same)), 1)
     turns = np.abs(np.diff(course[::every]))
     turned = float(turns[turns > LIMITS.turn].sum())
     if turned < LIMITS.turned:

@@ -9,6 +9,8 @@ import pytest
 
 import lab
 from lab.base.files.mission_error import MissionError
+from lab.data.log.calibration import Calibration
+from lab.experiment.calibration import written
 from lab.missions import mission
 from tests.calibration_logs import drive
 
@@ -31,13 +33,20 @@ def test_small_angles_are_found_and_wheels_help_with_them(tmp_path: Path) -> Non
     none, wheels, turned = found.errors
     assert turned < wheels
     assert turned < none
-    # Applied to the log, nothing is left to be found.
+    # Applied to the log, nothing is left to be found; half of it leaves the other half, which is added.
     path = tmp_path / "log" / "cal.toml"
     found.calibration.write(path)
     with (tmp_path / "log" / "log.toml").open("a") as file:
         file.write('calibration = "cal.toml"\n')
     again = lab.calibrate_mounting(log)
     assert again.calibration.is_empty
+    Calibration(mounting=found.calibration.mounting / 2).write(path)
+    rest = lab.calibrate_mounting(log)
+    assert not rest.calibration.is_empty
+    with pytest.raises(MissionError, match="has a mounting already"):
+        written(rest, path)
+    both = written(rest, path, path)
+    np.testing.assert_allclose(both.mounting, found.calibration.mounting, atol=np.radians(0.02))
     assert max(abs(term.value) for term in again.terms[:2]) < 0.1
     heading = log.run().errors.attitude.isel(angle=2).values  # against the true attitude of the vehicle
     assert abs(np.mean(heading[len(heading) // 2 :])) < 0.3
@@ -63,8 +72,8 @@ def test_sigma_of_the_angles_is_true_over_drives(tmp_path: Path) -> None:
         )
     rms = np.sqrt(np.mean(np.square(off), axis=0))
     print(f"estimate/σ has rms {rms[0]:.2f} (pitch), {rms[1]:.2f} (yaw)")
-    assert (rms > 0.7).all()
-    assert (rms < 1.2).all()
+    assert (rms > 0.5).all()  # the car does not slip at all, and σ counts the slip that the filter assumes
+    assert (rms < 1.1).all()
 
 
 def test_a_straight_mounting_gains_nothing(tmp_path: Path) -> None:
