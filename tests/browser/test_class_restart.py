@@ -61,7 +61,7 @@ class Class:
         follower = Student(self._address, f"?class={self.code}")
         await follower.open()
         await follower.arrives(FOLLOWING)
-        tabs = ("Errors", "Flight", "Verdict", "Compare")
+        tabs = ("Errors", "Flight")
         students = [
             Student(self._address, f"?class={self.code}&{FLIGHT}&seed={n}&tab={tabs[n % len(tabs)]}&{LIST}")
             for n in range(2, STUDENTS)
@@ -77,6 +77,8 @@ class Class:
         codes = await asyncio.gather(*(page.ends() for page in self._pages))
         assert set(codes) == {RESTARTS}
         after = await asyncio.gather(*(page.come_back() for page in self._pages))
+        for old, new in zip(self._pages, after, strict=True):
+            await new.shows(old.search)
         await after[0].arrives("Close the class")
         await after[1].arrives(FOLLOWING)
         return list(zip(self._pages, after, strict=True))
