@@ -91,7 +91,7 @@ async def _work(student: Student, number: int) -> None:
     """Open a page, solve a step, and choose a setting of one's own."""
     await student.open()
     await student.solve()
-    await student.choose(0.03 + 1e-3 * number)
+    await student.choose(0.051 + 1e-3 * number)
 
 
 @contextmanager

@@ -124,7 +124,7 @@ def test_a_process_that_ends_is_started_again_and_the_others_do_not_notice(two: 
         assert await second.ends() != RESTARTS
         back = await second.come_back()
         await first.turn_to("Flight")
-        await first.arrives('"active","new"')
+        await first.shows(f"{first.search}&tab=Flight")
         for page in (first, back):
             page.close()
 
