@@ -35,6 +35,8 @@ PATIENCE = 60.0
 """Longest wait for the head of a request [s]: browsers open connections before they need them."""
 PIECES = 0.02
 """Time between two looks at a head of which a part has come [s]."""
+MOST_WAITING = 1000
+"""Most connections whose head has not come; more are closed at once, so that handles remain for visitors."""
 ENDING = 10.0
 """Longest time for the processes to part from their pages [s]."""
 STEADY = 30.0
@@ -234,6 +236,9 @@ class Front:
     def _accept(self, listening: socket.socket) -> None:
         with contextlib.suppress(OSError):  # none is there any more, or the system has no more room
             connection, _ = listening.accept()
+            if len(self._tasks) >= MOST_WAITING:
+                connection.close()
+                return
             connection.setblocking(False)
             task = asyncio.get_running_loop().create_task(self._hand_over(connection))
             self._tasks.add(task)

@@ -44,7 +44,7 @@ class SecurityHeaders(OutputTransform):
 
 
 class OneRequest(OutputTransform):
-    """Has browsers and proxies send the next request over another connection, which may go to another process."""
+    """Has the next request come over another connection, which may lead to another process."""
 
     def __init__(self, request: HTTPServerRequest) -> None:
         pass

@@ -1,7 +1,7 @@
-"""What visitors cost a server: ``python -m tests.benchmarks.visitor_cost [VISITORS] [flags of ins-lab serve]``.
+"""What visitors cost a server: ``python -m tests.benchmarks.visitor_cost [VISITORS] [flags of serve]``.
 
-Each opens a page of his own, moves a slider some times, and rests. The seconds are those of a processor, of all
-processes of the server together, so that other work on the machine does not count.
+Each opens a page of his own, moves a slider some times, and rests. The seconds are those of a processor, of
+all processes of the server together, so that other work on the machine does not count.
 """
 
 from __future__ import annotations
@@ -71,9 +71,7 @@ async def measure(served: Served, number: int) -> None:
         f"median {every[len(every) // 2]:.2f} s, 95 % {every[int(0.95 * len(every))]:.2f} s"
     )
     await asyncio.sleep(REST)
-    print(
-        f"at rest: {(spent(served) - together) / number / REST * 1000:.1f} ms of a processor a second and page"
-    )
+    print(f"at rest: {(spent(served) - together) / number / REST * 1000:.1f} ms of a processor a second")
     for visitor in (first, *visitors):
         visitor.close()
 

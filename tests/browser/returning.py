@@ -34,16 +34,19 @@ class Student(Acting):
     def __init__(self, address: str, query: str = "", cookie: str = "") -> None:
         super().__init__(address, query, cookie)
         self.search = self.kept = ""
+        self._bar: dict[str, Any] = {}
 
     def note(self, texts: list[str]) -> None:
         """Note messages, the models in them, and what belongs to the browser."""
         for text in texts:
             content = json.loads(text)
             for event in content.get("events", ()) if isinstance(content, dict) else ():
-                if event.get("attr") == "shown" and "search" in str(event.get("new"))[:2000]:
-                    self.search = dict(event["new"]["entries"])["search"] if "entries" in event["new"] else ""
+                new = event.get("new")
+                shown = dict(new["entries"]) if isinstance(new, dict) and new.get("type") == "map" else {}
+                if event.get("attr") == "shown" and "search" in shown:
+                    self.search, self._bar = shown["search"], event["model"]
                 if event.get("attr") == "kept":
-                    self.kept = event["new"]
+                    self.kept = new
         super().note(texts)
 
     async def open(self) -> None:
@@ -93,11 +96,17 @@ class Student(Acting):
             await asyncio.sleep(0.5)
         page = Student(self._address, self.search, self._headers.get("Cookie", ""))
         await page.open()
-        bar = next(one for one in page._models() if "brought" in _values(one))
-        await page._set(bar, "brought", json.dumps({"kept": self.kept, "is_same": True}))
+        await page._set(page._bar, "brought", json.dumps({"kept": self.kept, "is_same": True}))
         if self.kept:
             await page.arrives(r"\"solved\": [[")
         return page
+
+    async def shows(self, search: str) -> None:
+        """Wait until the page has written an address."""
+        begin = time.monotonic()
+        while self.search != search:
+            assert time.monotonic() - begin < PATIENCE, f"{self.search} has not become {search}"
+            await asyncio.sleep(0.1)
 
     async def arrives(self, text: str) -> None:
         """Wait until a text has arrived."""

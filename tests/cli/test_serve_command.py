@@ -74,6 +74,14 @@ def test_the_page_opens_where_there_is_a_screen(
     ]
 
 
+@pytest.mark.parametrize(
+    ("wrong", "accepted"),
+    [(["--proxy", "lab.example.org"], "172.16.0.0/12"), (["--processes", "0"], "greater than or equal to 1")],
+)
+def test_a_wrong_proxy_or_number_of_processes_is_refused(wrong: list[str], accepted: str) -> None:
+    refused(ask("serve", "--no-browser", *wrong), wrong[0], accepted)
+
+
 def _answers(address: str, within: float) -> bool:
     """Ask a server that may not listen yet, again and again for so many seconds."""
     deadline = time.monotonic() + within

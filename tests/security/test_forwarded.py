@@ -1,4 +1,4 @@
-"""Headers of proxies: only those that the operator names are believed, and of a chain the last stranger counts."""
+"""Headers of proxies: only those that the operator names are believed; of a chain, the last stranger."""
 
 from __future__ import annotations
 
