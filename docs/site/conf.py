@@ -9,8 +9,6 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from sphinx.domains.python import PyObject
-
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent.parent)]
 
@@ -63,11 +61,6 @@ napoleon_google_docstring = False
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 python_use_unqualified_type_names = True
-
-# The name of an attribute in the list of its class is no link: Sphinx finds any attribute of that name.
-for field in PyObject.doc_field_types:
-    if field.name == "variable":
-        field.rolename = ""
 
 html_theme = "pydata_sphinx_theme"
 html_title = "INS Lab"
