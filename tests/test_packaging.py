@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -75,6 +76,17 @@ def test_the_wheel_holds_missions_notebooks_and_all_other_data(distributions: Pa
         if path.is_file() and path.suffix != ".py" and path.parent.name != "__pycache__"
     }
     assert data <= names
+
+
+def test_the_metadata_have_a_readme_without_relative_links_and_the_address(distributions: Path) -> None:
+    (wheel,) = distributions.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        metadata = archive.read(f"ins_lab-{lab.__version__}.dist-info/METADATA").decode()
+    head, _, readme = metadata.partition("\n\n")
+    assert "Description-Content-Type: text/markdown" in head
+    assert "Project-URL: Repository, https://" in head
+    assert "# INS Lab" in readme
+    assert not re.findall(r"\]\((?!https?://|#)|srcset=|src=\"(?!https://)", readme)
 
 
 def test_the_source_distribution_builds_the_same_wheel(distributions: Path, tmp_path: Path) -> None:

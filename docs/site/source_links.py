@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import re
 from collections.abc import Iterator
@@ -30,12 +31,19 @@ def place_of(name: str) -> tuple[str, str, int] | None:
             continue
         if found is None:
             continue
+        value = getattr(importlib.import_module(module), parts[count], None)
+        home = getattr(value, "__module__", None)
+        if home and home != module and home.startswith("lab."):  # it is imported there from where it stands
+            return place_of(".".join([home, *parts[count:]]))
         analyzer = ModuleAnalyzer.for_module(module)
         analyzer.find_tags()
         if inside in analyzer.tags:
             return module, inside, analyzer.tags[inside][1]
-        constant = re.search(rf"^{inside}\b.*=", analyzer.code, re.M)
-        return (module, inside, analyzer.code.count("\n", 0, constant.start()) + 1) if constant else None
+        begin = analyzer.tags.get(inside.rpartition(".")[0], ("", 1, 0))[1]  # of the class of an attribute
+        for line, text in enumerate(analyzer.code.splitlines()[begin - 1 :], begin):
+            if re.match(rf"\s*{parts[-1]}\b.*[:=]", text):
+                return module, inside, line
+        return None
     return None
 
 

@@ -100,7 +100,7 @@ class Program(NamedTuple):
     link : str
         Where the parameters are documented.
     line : str
-        Form of a line, with the fields `name`, `value` and `note`.
+        Form of a line, with the fields ``name``, ``value`` and ``note``.
     comment : str
         Begin of a comment.
     parameters : tuple of Parameter

@@ -87,8 +87,10 @@ class OutageRow:
 
     Attributes
     ----------
-    name, grade : str
-        Name and grade of the card; the grade is empty for the settings as they are.
+    name : str
+        Name of the card.
+    grade : str
+        Its grade; empty for the settings as they are.
     errors : OutageErrors or None
         Errors of its runs; None if it does not run.
     perfect : Perfect or None
