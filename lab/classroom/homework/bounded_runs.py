@@ -130,9 +130,9 @@ class BoundedRuns:
         """End the process."""
         self._end()
 
-    def __call__(self, _judge: Judge, changes: Mapping[str, Any]) -> Examined:
-        """Run the homework with the changes of a student."""
-        found = self._ask(dict(changes))
+    def __call__(self, judge: Judge, changes: Mapping[str, Any]) -> Examined:
+        """Run the homework with the changes of a student, whose variant it is if each has one."""
+        found = self._ask((judge.homework.student, dict(changes)))
         return Examined.failed(self._judge, f"cannot be run: {found}") if isinstance(found, str) else found
 
     def repeat(self, path: Path) -> Repeated:
@@ -199,8 +199,11 @@ def _serve(line: Connection, key: str, memory: int, examining: Examining) -> Non
             given = line.recv()
         except EOFError:
             return
-        is_export = isinstance(given, Path)
-        line.send(repeat(keyed, given, FIGURES) if is_export else examining(keyed.judge, given))
+        if isinstance(given, Path):
+            line.send(repeat(keyed, given, FIGURES))
+        else:
+            student, changes = given
+            line.send(examining(keyed.judge_for(student), changes))
 
 
 def _limit(memory: int) -> None:
