@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from lab.classroom.exercises.exercise import check
+from lab.classroom.exercises.exercise import check, finite_number
 from lab.classroom.lessons.check import CheckError, parse_check
 from lab.classroom.lessons.lesson_file import numeric_in
 from lab.classroom.lessons.quantities import QUANTITIES
@@ -97,10 +97,9 @@ def require_close(answer: object, right: float, tolerance: float, hint: str = ""
     NotRightError
         If it is not.
     """
-    try:
-        value = float(answer)  # type: ignore[arg-type]
-    except (TypeError, ValueError) as error:
-        raise NotRightError(f"the answer is of type {type(answer).__name__}; accepted is a number") from error
+    value, unit = finite_number(answer)
+    if math.isnan(value) or unit:
+        raise NotRightError(f"{str(answer)[:60]!r} is no number; accepted is one, without a unit")
     if not abs(value - right) <= tolerance:  # NaN is not
         raise NotRightError(hint or "the number is not right yet")
 

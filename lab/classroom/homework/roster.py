@@ -30,7 +30,7 @@ LARGEST = 2_000_000
 MOST_STUDENTS = 2000
 """Most students; as many as files that are graded."""
 _DELIMITERS = ",;\t"
-_TEST_STUDENT = "student, test"
+_TEST_STUDENT = ("student, test", "test student")
 """What Canvas calls the student that a teacher plays."""
 _POINTS_POSSIBLE = "points possible"
 _FULL = ("full name", "name", "student", "student name")
@@ -129,7 +129,7 @@ def roster_of(text: str) -> Roster:
     except csv.Error as error:
         raise RosterError(f"is no csv: {error}; {ACCEPTED}") from error
     headings = tuple(cell.strip() for cell in rows[0]) if rows else ()
-    known = {heading.casefold(): place for place, heading in reversed(list(enumerate(headings)))}
+    known = {heading.casefold(): place for place, heading in enumerate(headings)}
     kind = _kind(known)
     students = []
     for number, row in enumerate(rows[1:], 2):
@@ -179,11 +179,9 @@ def _written(row: list[str], known: Mapping[str, int]) -> str:
     if first or last:
         return f"{first} {last}".strip()
     full = cell(_FULL)
-    if folded(full) == _TEST_STUDENT:
-        return full
     family, comma, given = full.partition(",")
     return f"{given.strip()} {family.strip()}" if comma and given.strip() and "," not in given else full
 
 
 def _is_no_student(written: str) -> bool:
-    return folded(written) in (_POINTS_POSSIBLE, _TEST_STUDENT)
+    return folded(written) in (_POINTS_POSSIBLE, *_TEST_STUDENT)

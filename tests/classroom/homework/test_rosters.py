@@ -38,9 +38,9 @@ OF_MOODLE = """First name,Last name,ID number,Email address
 Ada,Lovelace,11,ada@x.org
 Bob,Müller,12,bob@x.org
 """
-WORKSHEET = """Identifier,Full name,Email address,Status,Grade,Maximum Grade,Last modified (grade),Feedback comments
-Participant 501,Ada Lovelace,ada@x.org,Submitted,,8,-,
-Participant 502,Bob Müller,bob@x.org,Submitted,-,8,-,
+WORKSHEET = """Identifier,Full name,Email address,Grade,Maximum Grade,Last modified (grade),Feedback comments
+Participant 501,Ada Lovelace,ada@x.org,,8,-,
+Participant 502,Bob Müller,bob@x.org,-,8,-,
 """
 
 
@@ -239,8 +239,8 @@ def test_feedback_has_the_path_of_the_hand_in_and_tells_no_solution(keyed: Keyed
     assert write_feedback(out, handed, files, rows, keyed) == 2
     text = (out / "Ada Lovelace_501_assignsubmission_file/ada.handin.feedback.txt").read_text("utf-8")
     for words in (
-        "Points: 6 of 7", "You answered: -0.0437 (right)", "You answered: white (not right)", "Hidden faults: 2 of 2",
-        "NEES is small. (reached)", "nees: ",
+        "Points: 6 of 7", "You answered: -0.0437 (right)", "You answered: white (not right)",
+        "Hidden faults: 2 of 2", "NEES is small. (reached)", "nees: ",
     ):  # fmt: skip
         assert words in text
     assert "pink" not in text
@@ -251,7 +251,8 @@ def test_feedback_has_the_path_of_the_hand_in_and_tells_no_solution(keyed: Keyed
 
 def test_feedback_on_settings_that_do_not_run_says_why(keyed: Keyed) -> None:
     cells = dict.fromkeys(columns(keyed.judge), "") | {
-        "file": "a", "status": "not run", "remark": "cannot be run: no", "name": "Ada", "points": "0", "of": "7",
+        "file": "a", "status": "not run", "remark": "cannot be run: no", "name": "Ada", "points": "0",
+        "of": "7",
         "answer_points_1": "0", "answer_points_2": "0", "goal_1_points": "0", "faults_points": "0",
     }  # fmt: skip
     assert "They were not run: cannot be run: no." in feedback_text(cells, keyed.homework)
