@@ -9,7 +9,6 @@ so that the same hand-ins give the same table.
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Callable, Mapping
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -18,11 +17,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
+from lab.base.address_space import limit_memory
 from lab.classroom.homework.exported_run import REFUSED, Repeated, repeat
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed, key_text, parse_key
 from lab.classroom.lessons.quantities import QUANTITIES
-from lab.run.memory import TooLongError, address_space
+from lab.run.memory import TooLongError
 
 FIGURES = ("position_rms", "position_max", "velocity_rms", "tilt_rms", "heading_rms", "nees", "nis")
 """Quantities of the result in the table of the grades; see `lab.classroom.lessons.quantities`."""
@@ -192,7 +192,7 @@ def _serve(line: Connection, key: str, memory: int, examining: Examining) -> Non
     """Examine settings until the line is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C stops the grading, which ends this process
     keyed = parse_key(key)
-    _limit(memory)
+    limit_memory(memory)
     line.send(True)
     while True:
         try:
@@ -204,15 +204,3 @@ def _serve(line: Connection, key: str, memory: int, examining: Examining) -> Non
         else:
             student, changes = given
             line.send(examining(keyed.judge_for(student), changes))
-
-
-def _limit(memory: int) -> None:
-    """Bound the memory that this process takes from now on [bytes]."""
-    if sys.platform == "linux":
-        import resource  # noqa: PLC0415 - not there on Windows
-
-        _, hard = resource.getrlimit(resource.RLIMIT_AS)
-        most = address_space() + memory
-        resource.setrlimit(
-            resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
-        )

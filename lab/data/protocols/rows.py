@@ -12,6 +12,7 @@ from lab.data.protocols.samples import (
     FIX,
     IMU,
     NAN,
+    NO_ATTITUDE,
     NO_FIX,
     READING,
     UNKNOWN,
@@ -116,6 +117,7 @@ class Rows:
         week_time: float = NAN,
         utc: float = NAN,
         heading_sigma: float = NAN,
+        attitude: Vector = NO_ATTITUDE,
         **values: float,
     ) -> None:
         """Take a heading, a speed or another value, or count it as refused; fields as of `READING`."""
@@ -123,7 +125,7 @@ class Rows:
             self._statistics.refused += 1
             return
         row = [values.get(aid.live, NAN) for aid in SENT]
-        self._reading += packed_reading(end, time, week_time, utc, row, heading_sigma)
+        self._reading += packed_reading(end, time, week_time, utc, row, heading_sigma, attitude)
 
     def taken(self) -> Samples:
         """Return what was collected, and begin anew."""
