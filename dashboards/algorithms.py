@@ -42,18 +42,19 @@ class Unusable:
 
 def served_names() -> tuple[str, ...]:
     """Return the names of the server's algorithms, which are not loaded."""
-    return tuple(_places())
+    return tuple(served_places())
 
 
 def served_algorithm(name: str) -> Algorithm:
     """Return one of the server's algorithms, loaded anew, so that sessions share no objects."""
     try:
-        return load_algorithm(_places()[name])
+        return load_algorithm(served_places()[name])
     except AlgorithmError as error:
         return Unusable(str(error))
 
 
-def _places() -> dict[str, str]:
+def served_places() -> dict[str, str]:
+    """Return the places of the server's algorithms, ``FILE.py:Name``, by their names."""
     found: dict[str, str] = {}
     places = _given or [part.strip() for part in os.environ.get(VARIABLE, "").split(",")]
     for place in filter(None, places):

@@ -59,9 +59,7 @@ def attitudes(
     from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - as above
 
     opened = open(source) if isinstance(source, str) else source
-    return AttitudeLaboratory(
-        opened, algorithms, sensors or SensorSuite(), navigator or NavigatorSettings()
-    )
+    return AttitudeLaboratory(opened, algorithms, sensors or SensorSuite(), navigator or NavigatorSettings())
 
 
 __all__ = ["attitudes", "open"]

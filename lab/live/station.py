@@ -17,8 +17,8 @@ from lab.data.streams.ring import Read
 from lab.data.streams.rolling import ThinnedSamples
 from lab.data.streams.source import Source
 from lab.data.streams.source_status import Status
-from lab.live.beside.own_algorithm import OwnAlgorithm
 from lab.live.bench.growing_allan import GrowingAllan
+from lab.live.beside.own_algorithm import OwnAlgorithm
 from lab.live.live_navigator import STEP, LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of

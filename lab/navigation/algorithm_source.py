@@ -245,5 +245,6 @@ def _whole(value: Any) -> object:
 
 def _cannot_travel(algorithm: str, what: str, value: object) -> AlgorithmError:
     return AlgorithmError(
-        f"{algorithm}: {what} is of type {type(value).__name__} and cannot travel to another process; {_ACCEPTED}"
+        f"{algorithm}: {what} is of type {type(value).__name__} and cannot travel to another process; "
+        f"{_ACCEPTED}"
     )

@@ -74,8 +74,8 @@ READING: Final = np.dtype(
 """A reading of two antennas, of a compass, of an odometer, or of a further sensor of the aid table.
 
 ``time``, ``week_time``, ``utc`` and ``end`` as of `FIX`; true ``heading`` of the forward axis [rad];
-``speed`` forward [m/s]; what further sensors read; σ of the heading [rad]; ``attitude`` (4,), which the device
-itself estimates: a quaternion, scalar first, whose rotation takes its axes to north, east and down.
+``speed`` forward [m/s]; what further sensors read; σ of the heading [rad]; ``attitude`` (4,), which the
+device itself estimates: a quaternion, scalar first, whose rotation takes its axes to north, east and down.
 """
 NO_FIX: Final = 1
 """Kind of a fix that is none, GPS_FIX_TYPE_NO_FIX of MAVLink: position and velocity are NaN."""

@@ -106,7 +106,7 @@ class AxisMap:
         return np.asarray(vectors[..., order] * signs)
 
     def attitude(self, q_nd: FloatArray) -> FloatArray:
-        """Return attitudes (n, 4) of the device, quaternions with the scalar first, as those of the vehicle."""
+        """Return attitudes (n, 4) of the device, with the scalar first, as those of the vehicle."""
         known = np.isfinite(q_nd).all(axis=1)
         made = np.full(q_nd.shape, np.nan)
         if known.any():

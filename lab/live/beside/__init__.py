@@ -1,1 +1,1 @@
-"""Beside: an algorithm of one's own beside the live navigator, in a process apart, and their attitudes compared."""
+"""Beside: algorithms of one's own beside the live navigator, in processes apart, and attitudes compared."""

@@ -28,9 +28,9 @@ from lab.live.beside.live_algorithm import (
 )
 
 START: Final = 60.0
-"""Longest start of the process [s]: numba and the algorithm's own libraries may take 10 s on a busy computer."""
+"""Longest start of the process [s]: the algorithm's libraries may take 10 s on a busy computer."""
 PATIENCE: Final = 10.0
-"""Longest call of `step` [s]: a piece has at most half a second of samples, so this is twenty times too slow."""
+"""Longest call of `step` [s]: a piece has half a second of samples, so this is twenty times too slow."""
 MEMORY: Final = 4 * 10**9
 """Most memory beyond that of Python and its modules [bytes], as for a run with the settings of a student."""
 _LOOK: Final = 0.05
@@ -115,7 +115,7 @@ class AlgorithmProcess:
             said = self._line.recv_bytes()
         except (EOFError, OSError) as error:
             raise LiveAlgorithmError(
-                f"{self._name}: its process ended by itself; it may need more than {MEMORY / 1e9:g} GB of memory"
+                f"{self._name}: its process ended by itself; it may need more than {MEMORY / 1e9:g} GB"
             ) from error
         if said[:1] == _FAILED:
             raise LiveAlgorithmError(said[1:].decode("utf-8", "replace"))

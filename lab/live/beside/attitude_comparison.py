@@ -1,7 +1,7 @@
-"""Attitude comparison: the attitudes of the navigator, of one's own algorithm, of the device and the true one.
+"""Attitude comparison: attitudes of the navigator, of one's own algorithms, of the device, and the true one.
 
-All are compared at the times of the navigator's history, 20 a second. What comes later than a second after the
-navigator counts as missing there.
+All are compared at the same times, 20 a second. What comes more than a second after the samples counts as
+missing there.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from lab.base.arrays import FloatArray
 from lab.data.streams.ring import Cursor
 from lab.data.streams.rolling import Rolling
 from lab.live.beside.own_algorithm import OwnAlgorithm
+from lab.live.live_history import RATE
 from lab.live.live_state import HistoryCursor
 from lab.live.station import Station
 from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
@@ -98,9 +99,8 @@ class AttitudeComparison:
         self._begun = self._station.begun
         self._history, self._ring = HistoryCursor(), Cursor()
         self._numbers = [0] * len(self._algorithms)
-        self._ours = _Attitudes()
-        self._others = [_Attitudes() for _ in self._algorithms]
-        self._device = _Attitudes()
+        self._next = -np.inf  # number of the next row: its time by the rate
+        self._parts = [_Attitudes() for _ in self.names[:-1]]
         self._rows.forget(self._rows.end)
 
     @property
@@ -127,14 +127,18 @@ class AttitudeComparison:
         if self._station.begun != self._begun:
             self._begin_anew()
         self._take()
-        time = self._ours.time
-        until = min([np.inf, *(one.reached for one in self._algorithms)])
-        newest = max(self._station.newest, time[-1] if time.size else 0.0)
-        # The device's readings may come after the samples of the same time.
-        last = np.inf if finish else min(newest, max(until, newest - _HOLD))
-        count = int(np.searchsorted(time, last, side="right"))
-        rows, time = self._joined(time[:count]), time[:count]
-        self._ours.forget(count)
+        newest = self._station.newest
+        awaited = [
+            self._parts[0].reached,
+            self._parts[-1].reached,
+            *(one.reached for one in self._algorithms),
+        ]
+        last = newest if finish else min(newest, max(min(awaited), newest - _HOLD))
+        begin = max(self._next, np.ceil(self._station.zero * RATE), np.floor(newest * RATE) - KEPT)
+        count = int(max(np.floor(last * RATE) + 1 - begin, 0)) if newest else 0
+        time = (begin + np.arange(count)) / RATE
+        self._next = begin + count
+        rows = self._joined(time)
         start = self._rows.end
         self._rows.extend(count)
         self._rows.rows("time", start, self._rows.end)[:] = time
@@ -155,7 +159,10 @@ class AttitudeComparison:
         rest = [name for name in known if name not in (TRUTH, OURS)]
         pairs += [(name, OURS) for name in rest if OURS in known]
         pairs += [(rest[i], rest[j]) for i in range(len(rest)) for j in range(i + 1, len(rest))]
-        return [_difference(pair, time[recent], *(q_nb[recent, self.names.index(name)] for name in pair)) for pair in pairs]
+        return [
+            _difference(pair, time[recent], *(q_nb[recent, self.names.index(name)] for name in pair))
+            for pair in pairs
+        ]
 
     def dataset(self) -> xr.Dataset:
         """Return the attitudes that are kept as a dataset: roll, pitch and heading [°] over time [s]."""
@@ -172,24 +179,24 @@ class AttitudeComparison:
         )
 
     def _take(self) -> None:
+        """Take the attitudes that came since the last time."""
         told = self._station.history(self._history)
         if told is not None:
             self._history, history = told
-            self._ours.add(history.time, quaternion_from_euler(history.euler))
+            self._parts[0].add(history.time, quaternion_from_euler(history.euler))
         for number, one in enumerate(self._algorithms):
             self._numbers[number], time, q_nb = one.since(self._numbers[number])
-            self._others[number].add(time, q_nb)
+            self._parts[number + 1].add(time, q_nb)
         end = self._station.source.end
         read = self._station.source.since(Cursor(end.imu, end.fix, self._ring.reading))
         self._ring = read.cursor
         readings = read.reading[np.isfinite(read.reading["attitude"]).all(axis=1)]
-        self._device.add(readings["time"], readings["attitude"])
+        self._parts[-1].add(readings["time"], readings["attitude"])
 
     def _joined(self, time: FloatArray) -> FloatArray:
         """Return the attitudes (n, s, 4) of all at some times of ours."""
         rows = np.full((time.size, len(self.names), 4), np.nan)
-        rows[:, 0] = self._ours.q_nb[: time.size]
-        for number, one in enumerate((*self._others, self._device), 1):
+        for number, one in enumerate(self._parts):
             rows[:, number] = one.at(time)
             one.forget_before(time)
         if self._truth is not None and time.size:
@@ -204,6 +211,11 @@ class _Attitudes:
 
     def __init__(self) -> None:
         self.time, self.q_nb = np.zeros(0), np.zeros((0, 4))
+
+    @property
+    def reached(self) -> float:
+        """Time up to which they are known [s]; infinite before there are any."""
+        return float(self.time[-1]) if self.time.size else float(np.inf)
 
     def add(self, time: FloatArray, q_nb: FloatArray) -> None:
         self.time = np.concatenate((self.time, time))
@@ -229,7 +241,7 @@ class _Attitudes:
         k = after[between]
         length = self.time[k] - self.time[k - 1]
         one, two = self.q_nb[k - 1], self.q_nb[k]
-        # Both signs are the same attitude. A chord instead of the arc errs by 1e-4 rad over a turn of 0.2 rad.
+        # Both signs are the same attitude. The chord errs by 1e-4 rad over a turn of 0.2 rad.
         two = two * np.where(np.sum(one * two, axis=1) < 0, -1.0, 1.0)[:, None]
         part = ((time[between] - self.time[k - 1]) / length)[:, None]
         mean = (1 - part) * one + part * two
@@ -265,7 +277,13 @@ def _difference(pair: tuple[str, str], time: FloatArray, one: FloatArray, two: F
     offset = float(np.angle(np.mean(np.exp(1j * angles[:, 2]))))
     about = np.asarray(wrap(angles[:, 2] - offset))
     return Difference(
-        *pair, seconds, _rms(np.arctan2(sine, cosine)), _rms(angles[:, 0]), _rms(angles[:, 1]), offset, _rms(about)
+        *pair,
+        seconds,
+        _rms(np.arctan2(sine, cosine)),
+        _rms(angles[:, 0]),
+        _rms(angles[:, 1]),
+        offset,
+        _rms(about),
     )
 
 

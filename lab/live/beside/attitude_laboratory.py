@@ -1,4 +1,4 @@
-"""Attitude laboratory: a source with the navigator and with algorithms of one's own beside it, in a notebook."""
+"""Attitude laboratory: a source with the navigator and one's own algorithms beside it, in a notebook."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def stepped(algorithm: LiveAlgorithm, name: str, piece: Piece) -> FloatArray:
         q_nb = np.array(found, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise LiveAlgorithmError(
-            f"{name}: step returned {type(found).__name__}; accepted is q_nb, an array (4,) or (n, 4), or None"
+            f"{name}: step returned {type(found).__name__}; accepted is q_nb, (4,) or (n, 4), or None"
         ) from error
     count = piece.imu.time.size
     if q_nb.shape not in ((4,), (count, 4)):
@@ -155,9 +155,7 @@ def load_live_algorithm(place: str) -> LiveAlgorithm:
     return found
 
 
-def pieces_of(
-    imu: NDArray[np.void], fixes: FixPiece, before: float, longest: float
-) -> list[Piece]:
+def pieces_of(imu: NDArray[np.void], fixes: FixPiece, before: float, longest: float) -> list[Piece]:
     """Return samples and fixes in pieces; each fix is in the first piece that ends after it.
 
     Parameters
@@ -174,7 +172,11 @@ def pieces_of(
     time = imu["time"]
     if not time.size:
         return []
-    first = before if np.isfinite(before) else time[0] - (float(np.median(np.diff(time))) if time.size > 1 else 0.0)
+    first = (
+        before
+        if np.isfinite(before)
+        else time[0] - (float(np.median(np.diff(time))) if time.size > 1 else 0.0)
+    )
     dt = np.diff(time, prepend=first)
     cuts = np.flatnonzero(np.diff(np.floor((time - time[0]) / longest)) > 0) + 1
     edges = [0, *cuts.tolist(), time.size]
@@ -183,7 +185,9 @@ def pieces_of(
     begins = [0, *ends[:-1].tolist()]
     return [
         Piece(
-            ImuPiece(time[a:b].copy(), dt[a:b], *(imu[name][a:b].copy() for name in ("rate", "force", "magnetic"))),
+            ImuPiece(
+                time[a:b].copy(), dt[a:b], *(imu[name][a:b].copy() for name in ("rate", "force", "magnetic"))
+            ),
             FixPiece(*(part[c:d].copy() for part in fixes)),
         )
         for a, b, c, d in zip(edges[:-1], edges[1:], begins, ends.tolist(), strict=True)

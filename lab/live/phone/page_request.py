@@ -100,7 +100,7 @@ def _line_of(batch: Any, origin: float, apple: bool) -> PhoneLine | None:
 
 
 def _attitude(row: Row) -> Row:
-    """Return a row of alpha, beta and gamma [°] as of `PhoneLine`: turns about z, then x, then y of the device.
+    """Return a row of alpha, beta, gamma [°] as of `PhoneLine`: turns about z, then x, then y of the device.
 
     The quaternion is the product of those of the three turns (W3C, *Device Orientation and Motion*).
     """
