@@ -7,8 +7,10 @@ from typing import Any, Self
 
 import xarray as xr
 
+from lab.base.python_file import described
 from lab.data.streams.source import Source
 from lab.live.beside.attitude_comparison import HEAD, AttitudeComparison, Difference
+from lab.live.beside.live_algorithm import LiveAlgorithmError
 from lab.live.beside.own_algorithm import OwnAlgorithm
 from lab.live.station import Station
 from lab.navigation.algorithm_source import AlgorithmSource
@@ -105,4 +107,12 @@ def _given_of(algorithm: Any) -> object:
     """Return what makes the algorithm in another process."""
     if isinstance(algorithm, str):
         return algorithm
-    return AlgorithmSource.of(algorithm() if isinstance(algorithm, type) else algorithm)
+    if isinstance(algorithm, type):
+        try:
+            algorithm = algorithm()
+        except (Exception, SystemExit) as error:
+            raise LiveAlgorithmError(
+                f"{algorithm.__name__}: called without arguments, it fails: {described(error)}; accepted "
+                "is an object, or a class without arguments"
+            ) from error
+    return AlgorithmSource.of(algorithm)
