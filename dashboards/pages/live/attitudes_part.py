@@ -12,7 +12,7 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.algorithms import served_places
+from dashboards.algorithms import live_places
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import sized
@@ -54,7 +54,7 @@ class AttitudesPart(PartOfWatched):
     def __init__(self, window: float, begin_anew: Callable[[], None]) -> None:
         self._comparison: AttitudeComparison | None = None
         self._own: OwnAlgorithm | None = None
-        self._places = served_places()
+        self._places = live_places()
         self._anew = begin_anew
         self._figures = LiveAttitudeFigures(window)
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[_TABLE])
@@ -71,7 +71,7 @@ class AttitudesPart(PartOfWatched):
         )
         self._choice.param.watch(lambda _event: self._anew(), "value")
         self.view = pn.Column(
-            self._choice, self._words, self._grid,
+            pn.Row(self._choice, margin=0), self._grid, self._words,
             sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE],
         )  # fmt: skip
         self.watch(None)
@@ -138,7 +138,7 @@ class AttitudesPart(PartOfWatched):
         if DEVICE not in known:
             sentences.append("The device sends no attitude of its own.")
         if not self._places:
-            sentences.append("A server that was started with --algorithm FILE.py:Name shows your own here.")
+            sentences.append("A server with --live-algorithm FILE.py:Name shows your own here.")
         words = escape(" ".join(sentence for sentence in sentences if sentence))
         self._words.object = f"<p>{words}</p>{_table(comparison.differences(RECENT))}"
 

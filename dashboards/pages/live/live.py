@@ -421,8 +421,8 @@ class Live(PartOfWatched, Page):
         if self._ticks % max(turn, 1):
             return
         # A browser that is behind gets the next update later: updates that wait would only delay newer ones.
-        drawn = {ERRORS: self._errors, ATTITUDES: self._attitudes}.get(str(self._choice.value), self._figures)
-        taken = drawn.taken
+        parts: dict[str, ErrorsPart | AttitudesPart] = {ERRORS: self._errors, ATTITUDES: self._attitudes}
+        taken = parts.get(str(self._choice.value), self._figures).taken
         self._waited = 0 if taken else self._waited + turn
         if 0 < self._waited < SLOWEST:
             return

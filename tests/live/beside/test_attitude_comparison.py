@@ -119,7 +119,7 @@ def test_a_phone_that_stands_upright_has_a_tilt_and_no_roll() -> None:
 
 def test_a_row_waits_a_second_for_who_is_late_and_no_longer() -> None:
     own = Own(Rotation.identity())
-    own.reached = 10.0  # type: ignore[misc]
+    own.reached = 10.0
     own.since = lambda row: (row, np.zeros(0), np.zeros((0, 4)))  # type: ignore[method-assign]
     comparison = AttitudeComparison(station_of(Rotation.identity()), [own])  # type: ignore[list-item]
     time, euler = comparison.advance()

@@ -105,7 +105,9 @@ def replayed(recording: Path) -> Iterator[Source]:
         yield source
 
 
-def test_every_sample_of_a_stream_reaches_the_algorithm_once(replayed: Source, file: str, capfd) -> None:
+def test_every_sample_of_a_stream_reaches_the_algorithm_once(
+    replayed: Source, file: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     own = OwnAlgorithm(replayed, "Counts", f"{file}:Counts")
     own.wait()
     assert (own.state, own.failure) == (ENDED, "")
