@@ -7,15 +7,12 @@ from bokeh.models.ranges import Range1d
 from bokeh.plotting import figure
 
 from lab.base.arrays import FloatArray
-from lab.live.beside.attitude_comparison import DEVICE, OURS, TRUTH
 from lab.views import quantities
 from lab.views.parcel import Parcel
 from lab.views.rolling_plot import RollingPlot
 
-OWN = "your algorithm"
-"""Label of the attitude of one's own algorithm, whatever its name."""
-LABELS = (OURS, OWN, DEVICE, TRUTH)
-"""Labels of the curves."""
+LABELS = ("lab", "own", "device", "truth")
+"""Labels of the curves: of the lab, one's own algorithm, the device itself, and the truth; short on a phone."""
 _COLOURS = (quantities.ESTIMATE, quantities.ORANGE, quantities.GREEN, quantities.TRUTH)
 _LEAST = 1.0
 """Least half height of an ordinate [°]: below, it would follow the noise of a phone at rest."""

@@ -1,6 +1,6 @@
 """Attitude comparison: attitudes of the navigator, of one's own algorithms, of the device, and the true one.
 
-All are compared at the same times, 20 a second. What comes more than a second after the samples counts as
+All are compared at the same times, 20 a second. What comes more than two seconds after the samples counts as
 missing there.
 """
 
@@ -25,8 +25,9 @@ OURS, DEVICE, TRUTH = "INS Lab", "the device itself", "truth"
 """Names of the attitudes besides those of algorithms."""
 KEPT: Final = 12_000
 """Rows that are kept: ten minutes."""
-_HOLD: Final = 1.0
-"""Longest time for which a row waits for attitudes that come later [s], as `own_algorithm.BEHIND`."""
+_HOLD: Final = 2.0
+"""Longest time for which a row waits for attitudes that come later [s]: an algorithm that is not said to be
+behind comes within half of it."""
 _JOINED: Final = 0.5
 """Longest time between two attitudes that are joined [s]: five times that between two readings at 10 Hz."""
 STEEP: Final = np.radians(80.0)

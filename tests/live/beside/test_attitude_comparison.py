@@ -117,13 +117,13 @@ def test_a_phone_that_stands_upright_has_a_tilt_and_no_roll() -> None:
     assert " - " in str(one)
 
 
-def test_a_row_waits_a_second_for_who_is_late_and_no_longer() -> None:
+def test_a_row_waits_two_seconds_for_who_is_late_and_no_longer() -> None:
     own = Own(Rotation.identity())
     own.reached = 10.0
     own.since = lambda row: (row, np.zeros(0), np.zeros((0, 4)))  # type: ignore[method-assign]
     comparison = AttitudeComparison(station_of(Rotation.identity()), [own])  # type: ignore[list-item]
     time, euler = comparison.advance()
-    assert time[-1] == pytest.approx(28.95, abs=0.051)
+    assert time[-1] == pytest.approx(27.95, abs=0.051)
     assert np.isnan(euler[:, 1]).all()
     assert np.isfinite(euler[1:, 0]).all()
 
