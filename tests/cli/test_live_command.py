@@ -119,12 +119,19 @@ def test_filters_of_the_user_run_beside_the_navigator(tmp_path: Path) -> None:
     assert last["euler_beside"]["Still"] == [0.0, 0.0, 0.0]
     assert np.degrees(last["euler_beside"]["truth"])[:2] == pytest.approx([2.0, -3.0], abs=1e-6)
     assert "mine.py, line 10, in step: ValueError: no idea" in last["algorithms"]["Raises"]
-    answer = ask(*one, *given)
+    refused(ask(*one, "--algorithm", f"{path}:No"), "has no 'No'; live algorithms in the file: Raises, Still")
+    refused(ask(*one, *given, "--algorithm", f"{path}:Still"), "different names")
+
+
+@pytest.mark.proof
+def test_attitudes_beside_the_navigator_are_printed_and_compared(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(FILTERS, encoding="utf-8")
+    given = ("--algorithm", f"{path}:Still", "--algorithm", f"{path}:Raises")
+    answer = ask("live", "navigate", "simulated:rest?device=vectornav", "--seconds", "4", *given)
     assert re.search(r"0\.00 +0\.00 +0\.00  Still", answer.stdout)
     assert re.search(r"Still - truth +\d\.\d +3\.6\d +2\.00 +3\.00", answer.stdout)
     assert "Raises: raised an exception" in answer.stdout
-    refused(ask(*one, "--algorithm", f"{path}:No"), "has no 'No'; live algorithms in the file: Raises, Still")
-    refused(ask(*one, *given, "--algorithm", f"{path}:Still"), "different names")
 
 
 @pytest.mark.proof
