@@ -12,11 +12,12 @@ from lab.views.parcel import Parcel
 from lab.views.rolling_plot import RollingPlot
 
 LABELS = ("lab", "own", "device", "truth")
-"""Labels of the curves: of the lab, one's own algorithm, the device itself, and the truth; short on a phone."""
+"""Labels of the curves, short on a phone: lab, one's own algorithm, the device itself, truth."""
 _COLOURS = (quantities.ESTIMATE, quantities.ORANGE, quantities.GREEN, quantities.TRUTH)
 _LEAST = 1.0
 """Least half height of an ordinate [°]: below, it would follow the noise of a phone at rest."""
 _HALF_TURN = 180.0
+"""Step of an angle from which it has passed half a turn, and not moved [°]."""
 
 
 class LiveAttitudeFigures:

@@ -122,7 +122,7 @@ class PhoneLines(Framing):
             self._pairing.add_rate(time + later, [unit * one for one in rate_there])
         self._pair(rows)
         for time, *q_ed in line.attitude:
-            rows.add_reading(end, time + later, attitude=_in_ned(*q_ed))
+            rows.add_attitude(end, time + later, _in_ned(*q_ed))
         for fix in line.fix:
             _add_fix(fix, later, end, rows)
         return True

@@ -12,7 +12,6 @@ from lab.data.protocols.samples import (
     FIX,
     IMU,
     NAN,
-    NO_ATTITUDE,
     NO_FIX,
     READING,
     UNKNOWN,
@@ -35,6 +34,9 @@ _LARGEST_READING = {aid.live: max(-aid.column.low, aid.column.high) for aid in S
     "speed": 400.0,
 }
 """Largest readings that are believed. The fastest car on wheels reached 341 m/s."""
+
+_ROUNDING = 1e-3
+"""Most by which a number of a unit quaternion may exceed 1: single precision and three digits stay below."""
 
 
 class Rows:
@@ -117,7 +119,6 @@ class Rows:
         week_time: float = NAN,
         utc: float = NAN,
         heading_sigma: float = NAN,
-        attitude: Vector = NO_ATTITUDE,
         **values: float,
     ) -> None:
         """Take a heading, a speed or another value, or count it as refused; fields as of `READING`."""
@@ -125,7 +126,14 @@ class Rows:
             self._statistics.refused += 1
             return
         row = [values.get(aid.live, NAN) for aid in SENT]
-        self._reading += packed_reading(end, time, week_time, utc, row, heading_sigma, attitude)
+        self._reading += packed_reading(end, time, week_time, utc, row, heading_sigma)
+
+    def add_attitude(self, end: int, time: float, attitude: Vector) -> None:
+        """Take an attitude that the device itself estimates, or count it as refused; as of `READING`."""
+        if abs(time) > LIMITS.largest or any(abs(value) > 1 + _ROUNDING for value in attitude):
+            self._statistics.refused += 1
+            return
+        self._reading += packed_reading(end, time, NAN, NAN, [NAN] * len(SENT), NAN, attitude)
 
     def taken(self) -> Samples:
         """Return what was collected, and begin anew."""

@@ -138,11 +138,17 @@ def _serve(line: Connection, name: str, given: object) -> None:
         line.send_bytes(_FAILED + str(error).encode())
 
 
+def _end_with(parent: BaseProcess) -> None:
+    """End this process with the one that waits for it, which may have been killed."""
+    parent.join()
+    os._exit(1)
+
+
 def _stand_back() -> None:
     """End with the process that waits for this one, print beside its output, and take what others leave."""
     parent = parent_process()
     if parent is not None:
-        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     os.dup2(2, 1)  # what the algorithm prints is not part of what a command prints
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
