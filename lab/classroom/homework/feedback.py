@@ -13,6 +13,7 @@ from pathlib import Path
 from lab.base.files.atomic_file import atomic_file
 from lab.classroom.homework.bounded_runs import FIGURES
 from lab.classroom.homework.grading import (
+    GRADED,
     NOT_RUN,
     REFUSED,
     GradingError,
@@ -76,6 +77,8 @@ def feedback_text(row: Row, homework: Homework) -> str:
     lines = [homework.title, f"File: {unguarded(row['file'])}"]
     if row["status"] == REFUSED:
         return "\n".join([*lines, "", f"This file was not graded: it {unguarded(row['remark'])}.", ""])
+    if row["status"] not in (GRADED, NOT_RUN):
+        return "\n".join([*lines, "", f"This export was run again: {unguarded(row['remark'])}.", ""])
     lines += [f"Name: {unguarded(row['name'])}", f"Points: {row['points']} of {row['of']}", ""]
     if homework.names_faults:
         named = unguarded(row["faults_named"]) or "none"

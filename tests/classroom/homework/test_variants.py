@@ -13,6 +13,7 @@ from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 from scipy import stats
 
 from lab.classroom.homework.bounded_runs import BoundedRuns, Examined
+from lab.classroom.homework.exported_run import repeat
 from lab.classroom.homework.grading import GRADED, REFUSED, Row, files_of, grade
 from lab.classroom.homework.hand_in import HandIn, HandInError, hand_in, hand_in_text, write_hand_in
 from lab.classroom.homework.hand_out import handed_out, links_text
@@ -267,3 +268,12 @@ def test_the_sheet_has_every_value_and_no_markup_of_a_name(keyed: Keyed) -> None
     assert "Find &lt;it&gt;" in sheet
     assert "<script" not in sheet
     assert "http" not in sheet
+
+
+def test_an_export_of_a_variant_is_refused_in_words(keyed: Keyed, tmp_path: Path) -> None:
+    """It names the homework, and not the student, so the grader does not know which values to run."""
+    result = keyed.judge_for("Ada").homework.experiment().run()
+    result.to_netcdf(tmp_path / "ada.nc")
+    found = repeat(keyed, tmp_path / "ada.nc", ())
+    assert found.status == REFUSED
+    assert "an export names no student" in found.remark
