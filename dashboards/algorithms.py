@@ -19,8 +19,6 @@ LIVE_VARIABLE = "INS_LAB_LIVE_ALGORITHMS"
 
 _given: list[str] = []
 """Algorithms set by the server of this process; they replace those of the environment."""
-_live: list[str] = []
-"""Algorithms for live streams set by the server of this process."""
 
 
 def use_algorithms(places: Sequence[str]) -> None:
@@ -29,8 +27,9 @@ def use_algorithms(places: Sequence[str]) -> None:
 
 
 def use_live_algorithms(places: Sequence[str]) -> None:
-    """Set the algorithms, as ``FILE.py:Name``, that sessions of this process may show beside live streams."""
-    _live[:] = places
+    """Set the algorithms, as ``FILE.py:Name``, beside live streams: of this process, and of those it starts."""
+    if places:
+        os.environ[LIVE_VARIABLE] = ",".join(places)
 
 
 class Unusable:
@@ -65,7 +64,7 @@ def served_algorithm(name: str) -> Algorithm:
 
 def live_places() -> dict[str, str]:
     """Return the places of the server's algorithms for live streams, by their names; nothing is loaded."""
-    return _by_name(_live, LIVE_VARIABLE)
+    return _by_name((), LIVE_VARIABLE)
 
 
 def _by_name(given: Sequence[str], variable: str) -> dict[str, str]:

@@ -154,8 +154,8 @@ def test_a_table_that_cannot_be_written_is_printed(folder: Path) -> None:
 EACH = re.findall(r"^```toml\n(.*?)^```", DOCUMENT.read_text("utf-8"), re.DOTALL | re.MULTILINE)[1]
 ROSTER = """Student,ID,SIS User ID,SIS Login ID,Section,How late? (77)
     Points Possible,,,,,2.00
-"Lovelace, Ada",11,s11,ada@x.org,A,
-"=1+1, Bob",12,s12,bob@x.org,A,
+"Lovelace, Ada",11,u11,ada@x.org,A,
+"=1+1, Bob",12,u12,bob@x.org,A,
 """
 
 

@@ -30,8 +30,8 @@ from lab.classroom.homework.roster import CANVAS, MOODLE, NAMES, RosterError, re
 OF_CANVAS = """Student,ID,SIS User ID,SIS Login ID,Section,Find it (77),Other (78)
     Points Possible,,,,,8.00,2
 ,,,,,Manual Posting,
-"Lovelace, Ada",11,s11,ada@x.org,Group A,,1
-"Müller, Bob",12,s12,bob@x.org,Group A,3.00,
+"Lovelace, Ada",11,u11,ada@x.org,Group A,,1
+"Müller, Bob",12,u12,bob@x.org,Group A,3.00,
 "Student, Test",99,,,Group A,,
 """
 OF_MOODLE = """First name,Last name,ID number,Email address
@@ -166,7 +166,7 @@ def test_no_name_becomes_a_formula(sign: str) -> None:
     """A student chose the name in the platform, and a teacher opens the table in a spreadsheet."""
     evil = f"{sign}cmd|'/C calc'!A0"
     for text in (
-        OF_CANVAS.replace('"Lovelace, Ada"', f'"{evil}"').replace("s11", evil),
+        OF_CANVAS.replace('"Lovelace, Ada"', f'"{evil}"').replace("u11", evil),
         OF_MOODLE.replace("Lovelace", evil).replace("ada@x.org", evil),
         WORKSHEET.replace("Ada Lovelace", evil),
     ):
