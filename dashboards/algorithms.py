@@ -27,7 +27,7 @@ def use_algorithms(places: Sequence[str]) -> None:
 
 
 def use_live_algorithms(places: Sequence[str]) -> None:
-    """Set the algorithms, as ``FILE.py:Name``, beside live streams: of this process, and of those it starts."""
+    """Set the algorithms, as ``FILE.py:Name``, beside live streams, also of processes that start later."""
     if places:
         os.environ[LIVE_VARIABLE] = ",".join(places)
 
