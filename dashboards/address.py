@@ -370,7 +370,7 @@ class Address:
     def _homework(self, state: State) -> str:
         homework = self._session.homework
         is_on = homework is not None and state.hidden == homework.scenario.key
-        return homework.name if homework is not None and is_on else ""
+        return homework.link if homework is not None and is_on else ""
 
     def _view(self, state: State) -> str:
         return query_of_view(self._shown.view()._replace(tab=state.tab))

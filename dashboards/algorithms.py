@@ -1,4 +1,4 @@
-"""Algorithms: the operator's own algorithms, compared beside the built-in models."""
+"""Algorithms: the operator's own algorithms, compared beside the built-in models or beside live streams."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ VARIABLE = "INS_LAB_ALGORITHMS"
 Visitors cannot set it.
 """
 
+LIVE_VARIABLE = "INS_LAB_LIVE_ALGORITHMS"
+"""Environment variable that names the algorithms that follow live streams, written alike."""
+
 _given: list[str] = []
 """Algorithms set by the server of this process; they replace those of the environment."""
 
@@ -21,6 +24,12 @@ _given: list[str] = []
 def use_algorithms(places: Sequence[str]) -> None:
     """Set the algorithms, as ``FILE.py:Name``, that all sessions of this process compare."""
     _given[:] = places
+
+
+def use_live_algorithms(places: Sequence[str]) -> None:
+    """Set the algorithms, as ``FILE.py:Name``, beside live streams, also of processes that start later."""
+    if places:
+        os.environ[LIVE_VARIABLE] = ",".join(places)
 
 
 class Unusable:
@@ -42,20 +51,26 @@ class Unusable:
 
 def served_names() -> tuple[str, ...]:
     """Return the names of the server's algorithms, which are not loaded."""
-    return tuple(_places())
+    return tuple(_by_name(_given, VARIABLE))
 
 
 def served_algorithm(name: str) -> Algorithm:
     """Return one of the server's algorithms, loaded anew, so that sessions share no objects."""
     try:
-        return load_algorithm(_places()[name])
+        return load_algorithm(_by_name(_given, VARIABLE)[name])
     except AlgorithmError as error:
         return Unusable(str(error))
 
 
-def _places() -> dict[str, str]:
+def live_places() -> dict[str, str]:
+    """Return the places of the server's algorithms for live streams, by their names; nothing is loaded."""
+    return _by_name((), LIVE_VARIABLE)
+
+
+def _by_name(given: Sequence[str], variable: str) -> dict[str, str]:
+    """Return places by their names: those given, or else those of a variable of the environment."""
     found: dict[str, str] = {}
-    places = _given or [part.strip() for part in os.environ.get(VARIABLE, "").split(",")]
+    places = given or [part.strip() for part in os.environ.get(variable, "").split(",")]
     for place in filter(None, places):
         name = place.rpartition(":")[2]
         found[place if name in found else name] = place

@@ -22,6 +22,7 @@ EXAMPLES = """\b
 Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
+  ins-lab serve --phone --live-algorithm my_filter.py:Complementary
   ins-lab serve --lessons my_lessons
   ins-lab serve --homework my_keys
   ins-lab serve --address 0.0.0.0 --teacher
@@ -62,6 +63,16 @@ def serve(
     ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")] = False,
     own: AlgorithmFiles = None,
+    live: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--live-algorithm",
+            metavar="FILE.py:Name",
+            help="Your own attitude filter, with a method step, beside the streams of the page Live; may be "
+            "repeated. The file is executed.",
+            show_default=False,
+        ),
+    ] = None,
     scheduler: Scheduler = None,
     origin: Annotated[
         list[str] | None,
@@ -161,6 +172,7 @@ def serve(
     _check_processes(processes)
     _check_proxies(proxy or ())
     algorithms(own)  # a failure to load is reported now, not to visitors
+    _take_live_algorithms(live or ())
     password = None if password_file is None else read_password(password_file)
     _check_origins(address, port, origin or ())
     _allow_devices(devices or ())
@@ -257,6 +269,19 @@ def _phones(address: str, port: int) -> tuple[str, int]:
 
     print(f"ins-lab: phones: choose the source “A phone” on the page Live; port {port}", file=sys.stderr)
     return ("0.0.0.0" if is_loopback(address) else address), port
+
+
+def _take_live_algorithms(places: Sequence[str]) -> None:
+    """Offer algorithms beside live streams; raise `CommandError` if one cannot be loaded."""
+    from dashboards.algorithms import use_live_algorithms  # noqa: PLC0415 - help does not need it
+    from lab.live.beside.live_algorithm import LiveAlgorithmError, load_live_algorithm  # noqa: PLC0415 - as above
+
+    try:
+        for place in places:
+            load_live_algorithm(place)
+    except LiveAlgorithmError as error:
+        raise CommandError(f"--live-algorithm {error}") from error
+    use_live_algorithms(places)
 
 
 def _allow_devices(sources: Sequence[str]) -> None:

@@ -98,8 +98,9 @@ def kf_gins(name: str, path: Path) -> None:
 
 def algorithm(path: Path) -> None:
     """Write the algorithm of the document under the name that its command lines have."""
-    (block,) = (block for block in blocks(ROOT / "docs/algorithms.md") if block.language == "python")
-    written(path, block.text.partition("\n\n\nresult")[0].replace("LastFix", "MyFilter"))
+    batch, live, _ = (block for block in blocks(ROOT / "docs/algorithms.md") if block.language == "python")
+    text = batch.text.partition("\n\n\nresult")[0].replace("LastFix", "MyFilter")
+    written(path, f"{text}\n\n\n{live.text}")
 
 
 def made_homework(path: Path) -> None:
@@ -107,6 +108,22 @@ def made_homework(path: Path) -> None:
     path.with_suffix(".key").unlink(missing_ok=True)
     make_files("receiver.toml", path.parent)
     answered(["homework", "make", "receiver.toml", "--out", path.name])
+
+
+def key_of_variants(path: Path) -> None:
+    """Make the key of the document's homework with variants."""
+    make_files("each.toml", path.parent)
+    answered(["homework", "make", "each.toml", "--out", "each.homework"])
+
+
+def roster(path: Path) -> None:
+    """Write what Moodle exports of a class of two."""
+    rows = (
+        "First name,Last name,ID number,Email address",
+        "Ada,Lovelace,1,ada@x.org",
+        "Bob,Burns,2,bob@x.org",
+    )
+    written(path, "\n".join(rows))
 
 
 def handed_in(path: Path) -> None:
@@ -199,6 +216,9 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "my_lessons": lambda path: (path.mkdir(), written(path / "mine.toml", toml_of("docs/lessons.md", 0))),
     "receiver.toml": lambda path: written(path, toml_of("docs/homework.md", 0)),
     "receiver.homework": made_homework,
+    "each.toml": lambda path: written(path, toml_of("docs/homework.md", 1)),
+    "each.key": key_of_variants,
+    "class.csv": roster,
     "handed_in": handed_in,
     "mine": lambda path: add_mission(montreal(60), path.name, title="Mine"),
 }

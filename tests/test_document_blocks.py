@@ -78,7 +78,7 @@ def test_python_runs(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
         if block.language == "python":
             code = compile(block.text, f"{name_of(document)}:{block.line}", "exec")
             if is_run(document, block.text):
-                make_files(" ".join(re.findall(r'"[\w.]+"', block.text)), tmp_path)
+                make_files(" ".join(re.findall(r'"([\w.]+)[":]', block.text)), tmp_path)
                 exec(code, names)
             else:
                 exec("\n".join(re.findall(r"^(?:import|from) .*", block.text, re.M)), {})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,13 +15,16 @@ from lab.cli.app import CommandError, working
 from lab.cli.options import Force, check_out
 
 if TYPE_CHECKING:
-    from lab.classroom.homework.grading import Handed
+    from lab.classroom.homework.grading import Handed, Row
     from lab.classroom.homework.homework_file import Keyed
+    from lab.classroom.homework.roster import Roster
 
 EXAMPLES = """\b
 Examples:
   ins-lab grade handed_in --key receiver.key
-  ins-lab grade handed_in --key receiver.key --out grades.csv"""
+  ins-lab grade handed_in --key receiver.key --out grades.csv
+  ins-lab grade handed_in --key receiver.key --out grades.csv --feedback feedback \\
+      --roster class.csv --moodle points.csv"""
 
 
 def grade(
@@ -39,6 +43,51 @@ def grade(
             show_default=False,
         ),
     ] = None,
+    feedback: Annotated[
+        Path | None,
+        typer.Option(
+            "--feedback",
+            metavar="FOLDER",
+            help="Write a file for each student, without solutions, into a new folder.",
+            show_default=False,
+        ),
+    ] = None,
+    roster: Annotated[
+        Path | None,
+        typer.Option(
+            "--roster",
+            metavar="FILE.csv",
+            help="The students, as Moodle or Canvas exports them.",
+            show_default=False,
+        ),
+    ] = None,
+    moodle: Annotated[
+        Path | None,
+        typer.Option(
+            "--moodle",
+            metavar="FILE.csv",
+            help="Write the points of the roster for Moodle.",
+            show_default=False,
+        ),
+    ] = None,
+    canvas: Annotated[
+        Path | None,
+        typer.Option(
+            "--canvas",
+            metavar="FILE.csv",
+            help="Write the points of the roster for Canvas.",
+            show_default=False,
+        ),
+    ] = None,
+    assignment: Annotated[
+        str,
+        typer.Option(
+            "--assignment",
+            metavar="TITLE",
+            help="What Moodle or Canvas calls the homework.",
+            show_default="its title",
+        ),
+    ] = "",
     force: Force = False,
     seconds: Annotated[
         int,
@@ -56,23 +105,82 @@ def grade(
     """
     from lab.classroom.homework.bounded_runs import BoundedRuns, StartError  # noqa: PLC0415 - slow
     from lab.classroom.homework.exported_run import REPEATED  # noqa: PLC0415 - slow
+    from lab.classroom.homework.feedback import check_new, write_feedback  # noqa: PLC0415 - slow
     from lab.classroom.homework.grading import GRADED, columns, csv_text  # noqa: PLC0415 - slow
     from lab.classroom.homework.grading import grade as rows_of  # noqa: PLC0415 - slow
 
     check_out(out, force, ".csv", "a table", "--out")
-    keyed, files = _read(key, folder, out)
+    books = [(path, option) for path, option in ((moodle, "--moodle"), (canvas, "--canvas")) if path]
+    for path, option in books:
+        check_out(path, force, ".csv", "a table", option)
+    if books and roster is None:
+        raise CommandError(f"{books[0][1]} needs the students: accepted is it with --roster FILE.csv")
+    keyed, files = _read(key, folder, [path for path in (out, roster, moodle, canvas) if path])
+    students = None if roster is None else _roster(roster)
+    if students is not None:
+        _books(moodle, canvas, students, [], keyed, assignment)  # refuses before the runs, which take long
+    if feedback is not None:
+        _check(feedback, folder, check_new)
     try:
         with working(folder.name) as progress, BoundedRuns(keyed, seconds, memory) as examining:
             rows = rows_of(files, keyed, progress, examining, examining.repeat)
     except StartError as error:
         raise CommandError(str(error)) from error
     _write(csv_text(columns(keyed.judge), rows), out)
+    if students is not None:
+        for path, text in _books(moodle, canvas, students, rows, keyed, assignment):
+            _write(text, path, mark=b"")
+    if feedback is not None:
+        count = write_feedback(feedback, folder, files, rows, keyed)
+        print(f"ins-lab: {feedback}: feedback on {counted(count, 'file')}", file=sys.stderr)
     done, again = (sum(row["status"] == one for row in rows) for one in (GRADED, REPEATED))
     words = f", {counted(again, 'export')} repeated to the last bit" if again else ""
     print(f"ins-lab: {counted(len(rows), 'file')}, {done} graded{words}", file=sys.stderr)
 
 
-def _read(key: Path, folder: Path, out: Path | None) -> tuple[Keyed, list[Handed]]:
+def _roster(path: Path) -> Roster:
+    from lab.classroom.homework.roster import RosterError, read_roster  # noqa: PLC0415 - slow
+
+    try:
+        return read_roster(path)
+    except RosterError as error:
+        raise CommandError(f"--roster {error}") from error
+
+
+def _books(
+    moodle: Path | None, canvas: Path | None, students: Roster, rows: list[Row], keyed: Keyed, title: str
+) -> list[tuple[Path, str]]:
+    """Return the files for learning platforms with their texts; report whose points are left out."""
+    from lab.classroom.homework.gradebooks import canvas_text, moodle_text, points_of  # noqa: PLC0415 - slow
+    from lab.classroom.homework.roster import RosterError  # noqa: PLC0415 - slow
+
+    points = points_of(rows, students)
+    title, found = title or keyed.homework.title, list[tuple[Path, str]]()
+    try:
+        if moodle is not None:
+            found.append((moodle, moodle_text(students, points, title)))
+        if canvas is not None:
+            found.append((canvas, canvas_text(students, points, title, keyed.homework.best)))
+    except RosterError as error:
+        raise CommandError(f"--roster {error}") from error
+    for remark in points.remarks:
+        print(f"ins-lab: {remark}", file=sys.stderr)
+    return found
+
+
+def _check(feedback: Path, folder: Path, check_new: Callable[[Path], None]) -> None:
+    """Refuse a folder for the feedback that is in use, or within the hand-ins."""
+    from lab.classroom.homework.grading import GradingError  # noqa: PLC0415 - slow
+
+    if feedback.resolve().is_relative_to(folder.resolve()):
+        raise CommandError(f"--feedback {feedback}: is within the hand-ins; accepted is a folder elsewhere")
+    try:
+        check_new(feedback)
+    except GradingError as error:
+        raise CommandError(f"--feedback {error}") from error
+
+
+def _read(key: Path, folder: Path, apart: list[Path]) -> tuple[Keyed, list[Handed]]:
     """Return the homework with its key, and the files in the folder that may be hand-ins.
 
     Raises
@@ -88,7 +196,7 @@ def _read(key: Path, folder: Path, out: Path | None) -> tuple[Keyed, list[Handed
     try:
         keyed = read_key(key)
         check_folder(folder)
-        files = files_of(folder, (key, *([out] if out is not None else [])))
+        files = files_of(folder, (key, *apart))
     except (LessonError, SealError, GradingError) as error:
         raise CommandError(str(error)) from error
     if not files:
@@ -96,8 +204,11 @@ def _read(key: Path, folder: Path, out: Path | None) -> tuple[Keyed, list[Handed
     return keyed, files
 
 
-def _write(text: str, out: Path | None) -> None:
-    """Write the table to a file or to standard output, there too if the file cannot be written."""
+def _write(text: str, out: Path | None, mark: bytes = codecs.BOM_UTF8) -> None:
+    """Write the table to a file or to standard output, there too if the file cannot be written.
+
+    The mark begins a file: without that of UTF-8, Excel expects another encoding.
+    """
     from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
 
     if out is None:
@@ -105,7 +216,7 @@ def _write(text: str, out: Path | None) -> None:
         return
     try:
         with atomic_file(out) as file:
-            file.write(codecs.BOM_UTF8 + text.encode())  # without the mark, Excel expects no UTF-8
+            file.write(mark + text.encode())
     except OSError as error:  # the runs took long: the table must not be lost
         print(text, end="")
         raise CommandError(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError, Commands, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, Force, Seed, check_out
 
@@ -22,6 +24,8 @@ Examples:
   ins-lab homework run receiver.homework --set navigator.latency=0.1
   ins-lab homework hand-in receiver.homework --name "Ada Lovelace" \\
       --set navigator.latency=0.1 --fault "fixes that come late" --out ada.handin
+  ins-lab homework variants receiver.key --roster class.csv --out variants
+  ins-lab homework solutions receiver.key --out solutions.html
   ins-lab grade handed_in --key receiver.key --out grades.csv
   ins-lab serve --homework my_keys"""
 
@@ -36,6 +40,20 @@ homework = typer.Typer(
 
 TheHomework = Annotated[
     Path, typer.Argument(metavar="FILE", help="The homework, a .homework file.", show_default=False)
+]
+
+
+TheKey = Annotated[
+    Path, typer.Argument(metavar="FILE.key", help="The key of the homework.", show_default=False)
+]
+RosterFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--roster",
+        metavar="FILE.csv",
+        help="The students, as Moodle or Canvas exports them, or a csv with a column Name.",
+        show_default=False,
+    ),
 ]
 
 
@@ -76,6 +94,13 @@ def make(
             f"--key {kept}: exists already, and a key is never replaced: it grades what was handed in; name "
             "another one with --key"
         ) from error
+    if made.varies:
+        print(f"{kept}: for you alone: it contains the solutions, and `ins-lab grade` needs it")
+        print(
+            f"{out}: not written, because each student gets a file of their own: "
+            f"ins-lab homework variants {kept} --roster class.csv --out {out.with_suffix('')}"
+        )
+        return
     try:
         with atomic_file(out) as file:
             file.write(homework_text(made).encode())
@@ -86,6 +111,64 @@ def make(
     print(f"{kept}: for you alone: it contains the solutions, and `ins-lab grade` needs it")
 
 
+@homework.command("variants")
+def variants(
+    key: TheKey,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="FOLDER", help="A new folder for the files.", show_default=False),
+    ],
+    roster: RosterFile = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Option("--name", metavar="NAME", help="A student; may be repeated.", show_default=False),
+    ] = None,
+) -> None:
+    """Write the homework of each student, with hidden values of their own, and a table of links."""
+    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
+    from lab.classroom.homework.hand_out import LINKS, handed_out, links_text  # noqa: PLC0415 - slow
+    from lab.classroom.homework.homework_file import homework_text, read_key  # noqa: PLC0415 - slow
+
+    keyed = _read(lambda: read_key(key))
+    if not keyed.varies:
+        raise CommandError(f"{key}: has no table hidden.each, so all students get the same homework")
+    students = [*(_roster_names(roster) if roster is not None else []), *(names or [])]
+    if not students:
+        raise CommandError("no students; accepted are --roster FILE.csv, --name NAME, or both")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise CommandError(f"--out {out}: is not empty; accepted is a new folder")
+    made = _read(lambda: handed_out(keyed, students))
+    out.mkdir(parents=True, exist_ok=True)
+    for one in made:
+        with atomic_file(out / one.file) as file:
+            file.write(homework_text(keyed, one.name).encode())
+    with atomic_file(out / LINKS) as file:
+        file.write(codecs.BOM_UTF8 + links_text(made).encode())
+    print(
+        f"{out}: {counted(len(made), 'file')} for {keyed.homework.title}, one for each student, and {LINKS}"
+    )
+
+
+@homework.command("solutions")
+def solutions(
+    key: TheKey,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="The sheet.", show_default=False)],
+    roster: RosterFile = None,
+    force: Force = False,
+) -> None:
+    """Write everything that a key knows as one page to print: for teachers only."""
+    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
+    from lab.classroom.homework.homework_file import read_key  # noqa: PLC0415 - slow
+    from lab.classroom.homework.solutions_sheet import solutions_html  # noqa: PLC0415 - slow
+
+    check_out(out, force, ".html", "a page", "--out")
+    keyed = _read(lambda: read_key(key))
+    text = _read(lambda: solutions_html(keyed, _roster_names(roster) if roster is not None else ()))
+    with atomic_file(out) as file:
+        file.write(text.encode())
+    print(f"{out}: solutions of {keyed.homework.title}; print it from a browser")
+
+
 @homework.command("show")
 def show(file: TheHomework, as_json: AsJson = False) -> None:
     """Show a homework: its text, its questions, and which settings you may change."""
@@ -94,6 +177,8 @@ def show(file: TheHomework, as_json: AsJson = False) -> None:
         print_json(_facts(found))
         return
     lines = [f"{found.title} ({found.name})", "", found.text, ""]
+    if found.student:
+        lines += [f"This file is for {found.student}: the hidden values of others differ.", ""]
     lines += ["You may change: " + (", ".join(found.scenario.change) or "nothing"), ""]
     if found.names_faults:
         lines += [f"Which faults are hidden? ({_points(found.fault_points)}) --fault takes any of:"]
@@ -198,6 +283,22 @@ def hand_in(
         print(f"answer {number}: {answer or 'none'}")
 
 
+def _roster_names(path: Path) -> list[str]:
+    """Return the names of a roster; two students with one name would have one variant."""
+    from lab.classroom.homework.roster import RosterError, read_roster  # noqa: PLC0415 - slow
+
+    try:
+        roster = read_roster(path)
+    except RosterError as error:
+        raise CommandError(f"--roster {error}") from error
+    if same := roster.same_names():
+        raise CommandError(
+            f"--roster {path}: {', '.join(same)}: more than one student has this name; accepted are "
+            "different names, because the hidden values follow from the name"
+        )
+    return [student.name for student in roster.students]
+
+
 def _open(file: Path) -> Homework:
     from lab.classroom.homework.homework_file import read_homework  # noqa: PLC0415 - slow
 
@@ -261,6 +362,7 @@ def _facts(found: Homework) -> dict[str, Any]:
     return {
         "title": found.title,
         "name": found.name,
+        "student": found.student,
         "text": found.text,
         "settings": dict(found.scenario.settings),
         "change": list(found.scenario.change),

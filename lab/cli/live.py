@@ -53,6 +53,7 @@ Examples:
   ins-lab live watch serial:/dev/ttyUSB0?baud=115200
   ins-lab live navigate serial:/dev/ttyUSB0 --card ADIS16470
   ins-lab live navigate serial:/dev/ttyUSB0 --to udp:127.0.0.1:9870 --hz 50
+  ins-lab live navigate simulated:montreal --algorithm my_filter.py:Complementary
   ins-lab live navigate "xplane:127.0.0.1:49000?card=ADIS16470" --card ADIS16470
   ins-lab live record tcp:192.168.1.20:5555 drive --seconds 600
   ins-lab live simulate montreal --device vectornav --to tcp:5555
@@ -241,6 +242,16 @@ def navigate(
             "--hz", metavar="HZ", help="Rows that --to sends per second, 0.1 to 200.", show_default="10"
         ),
     ] = None,
+    algorithms: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--algorithm",
+            metavar="FILE.py:Name",
+            help="An attitude filter of yours, with a method step, that follows the source beside the "
+            "navigator; the file is executed; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Navigate with a source as it comes: a line a second; with --json one object a line.
@@ -248,6 +259,7 @@ def navigate(
     The settings are the assumptions of the filter: the card of the sensor, and for example
     --set navigator.initial_heading=90.
     """
+    from lab.cli.beside_lines import BesideLines  # noqa: PLC0415 - help does not need it
     from lab.live.live_navigator import STEP  # noqa: PLC0415 - help does not need it
     from lab.live.station import Station  # noqa: PLC0415 - help does not need it
 
@@ -265,6 +277,7 @@ def navigate(
         except SettingError as error:
             raise CommandError(str(error)) from error
         try:
+            beside = BesideLines(station, algorithms or ())
             if not as_json:
                 print(SOLUTION_HEAD)
             begin = time.monotonic()
@@ -277,10 +290,13 @@ def navigate(
                 if not more:
                     station.wait()
                 known = station.state
+                beside.advance(finish=not more)
                 if as_json:
-                    print(json.dumps(solution_row(known), allow_nan=False), flush=True)
+                    row = solution_row(known) | plain(beside.facts())
+                    print(json.dumps(row, allow_nan=False), flush=True)
                 else:
-                    print(solution_line(known, time.monotonic() - begin), flush=True)
+                    line = solution_line(known, time.monotonic() - begin)
+                    print(line, *beside.lines(), sep="\n", flush=True)
         finally:
             station.close()
         check_came(source, opened.status)
@@ -289,8 +305,9 @@ def navigate(
     for sentence in (f"{known.phase.capitalize()}: {known.reason}", *known.remarks, station.failure):
         if sentence:
             print(f"ins-lab: {sentence}", file=sys.stderr)
+    out = sys.stderr if as_json else sys.stdout  # objects stay alone, one a line
+    print("\n".join(beside.conclusion()), end="", file=out)
     if station.verdict:
-        out = sys.stderr if as_json else sys.stdout  # objects stay alone, one a line
         print(f"Verdict on the innovations: {station.verdict}", file=out)
 
 

@@ -18,6 +18,7 @@ from lab.data.streams.rolling import ThinnedSamples
 from lab.data.streams.source import Source
 from lab.data.streams.source_status import Status
 from lab.live.bench.growing_allan import GrowingAllan
+from lab.live.beside.own_algorithm import OwnAlgorithm
 from lab.live.live_navigator import STEP, LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of
@@ -95,6 +96,7 @@ class Station:
         self._navigator: LiveNavigator | None = LiveNavigator(sensors, self._assumed, step=step)
         self._state = self._navigator.state
         self._lock = threading.Lock()  # of the navigator
+        self._beside: dict[str, OwnAlgorithm] = {}
         self._growing: GrowingAllan | None = None
         self._growing_lock = threading.Lock()
         self._ending = threading.Event()
@@ -146,6 +148,21 @@ class Station:
             if self._navigator is None:
                 raise MissionError("The source has ended, and its samples are not kept any more")
             yield self._navigator
+
+    def beside(self, name: str, given: object) -> OwnAlgorithm:
+        """Return the algorithm of a name that follows the source; it begins when somebody first asks for it.
+
+        Parameters
+        ----------
+        name
+            What people call it.
+        given
+            Its place or source, as of `lab.live.beside.algorithm_process.AlgorithmProcess`.
+        """
+        with self._growing_lock:
+            if name not in self._beside:
+                self._beside[name] = OwnAlgorithm(self.source, name, given)
+            return self._beside[name]
 
     @contextmanager
     def growing(self) -> Iterator[GrowingAllan]:
@@ -287,10 +304,13 @@ class Station:
         Pages that have ended refer to their station until a search for garbage finds them.
         """
         self._ending.set()
+        for own in self._beside.values():
+            own.close()
         self.source.close()
         for thread in self._threads:
             thread.join()
         self.source.forget()
         with self._lock, self._growing_lock:
             self._navigator = self._growing = None
+            self._beside.clear()
             self.thinned = ThinnedSamples(kept=1)

@@ -68,7 +68,7 @@ class AlgorithmSource:
         name, home = kind.__name__, sys.modules.get(kind.__module__)
         if kind.__qualname__ != name or state is None:
             what = "has __slots__" if state is None else f"is made inside {kind.__qualname__.split('.')[0]}"
-            raise AlgorithmError(f"{name}: {what}, so it cannot travel to a cluster; {_ACCEPTED}")
+            raise AlgorithmError(f"{name}: {what}, so it cannot travel to another process; {_ACCEPTED}")
         for attribute, value in state.items():
             if not _is_data(value):
                 raise _cannot_travel(name, f"its attribute {attribute}", value)
@@ -245,5 +245,6 @@ def _whole(value: Any) -> object:
 
 def _cannot_travel(algorithm: str, what: str, value: object) -> AlgorithmError:
     return AlgorithmError(
-        f"{algorithm}: {what} is of type {type(value).__name__} and cannot travel to a cluster; {_ACCEPTED}"
+        f"{algorithm}: {what} is of type {type(value).__name__} and cannot travel to another process; "
+        f"{_ACCEPTED}"
     )

@@ -15,6 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.base.address_space import address_space
 from lab.base.histories import SINGLE
 from lab.base.processors import control_group_folders, system_text
 from lab.navigation.filters.kalman import MEASUREMENTS
@@ -266,12 +267,6 @@ def available() -> int:
     process limit.
     """
     return max(min(_sources()), 0)
-
-
-def address_space() -> int:
-    """Return the address space of this process [bytes]."""
-    pages = system_text(Path("/proc/self/statm")).split()
-    return int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
 
 
 def resident() -> int:

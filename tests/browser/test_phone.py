@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from live_streams import decoded
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
+from scipy.spatial.transform import Rotation
 
 from lab.data.protocols.phone import PhoneDecoder
 from lab.data.protocols.samples import Samples
@@ -162,6 +163,9 @@ def test_a_phone_streams_and_a_cut_of_the_network_loses_nothing(server, open_pho
     rate = samples_of(bytes(reader.data)).imu
     assert (len(rate) - 1) / np.ptp(rate["time"]) >= 50  # the bar
 
+    # It turns by 30° to the left; the event of a browser that does not move comes once.
+    send("DeviceOrientation.setDeviceOrientationOverride", {"alpha": 30, "beta": 90, "gamma": 0})
+    wait_for(lambda: len(samples_of(bytes(reader.data)).reading) > 0, page)
     context.set_offline(True)
     expect(page.get_by_text("No network")).to_be_visible()
     set_motion(send, (0.0, 9.8, 1.0), (0.1, 0.2, 0.4))
@@ -177,8 +181,12 @@ def test_a_phone_streams_and_a_cut_of_the_network_loses_nothing(server, open_pho
     longest = time.monotonic() - begun
     count = int(page.locator("#count").inner_text().split()[0].replace(",", ""))
     wait_for(lambda: server.hub.phones()[0].samples == count, page)
-    imu, fix, _ = samples_of(reader.stop())
+    imu, fix, turned = samples_of(reader.stop())
     assert server.hub.phones()[0].lost == 0
+    # Its top is up, its right side east but 30° to the left: north. In north, east, down:
+    c, s = math.cos(math.radians(30)), math.sin(math.radians(30))
+    found = Rotation.from_quat(turned["attitude"][-1], scalar_first=True).as_matrix()
+    np.testing.assert_allclose(found, [[s, 0, -c], [c, 0, s], [0, -1, 0]], atol=1e-3)
     assert (np.diff(imu["count"]) == 1).all()
     assert imu["count"][-1] == count - 1
     assert np.diff(imu["time"]).min() > 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,9 @@ WRITES = {
     "receiver": {"--settings"},
     "homework make": {"--out"},
     "homework hand-in": {"--out"},
-    "grade": {"--out"},
+    "homework variants": {"--out"},
+    "homework solutions": {"--out"},
+    "grade": {"--out", "--feedback", "--moodle"},
 }
 """Options of commands that name a file to write: another document may have written it."""
 NOT_RUN = {
@@ -119,6 +122,8 @@ def prepare(line: Line, name: str, folder: Path) -> None:
     make_files(line.text, folder)
     for option, word in itertools.pairwise(line.words):
         if option in WRITES.get(name, ()):
+            if (folder / word).is_dir():
+                shutil.rmtree(folder / word)
             for old in (folder / word, (folder / word).with_suffix(".key")):
                 old.unlink(missing_ok=True)
 

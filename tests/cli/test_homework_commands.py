@@ -149,3 +149,75 @@ def test_a_table_that_cannot_be_written_is_printed(folder: Path) -> None:
     assert failed.exit_code == 2
     assert failed.stdout == printed.stdout
     assert "File name too long; the table is on standard output instead" in failed.stderr
+
+
+EACH = re.findall(r"^```toml\n(.*?)^```", DOCUMENT.read_text("utf-8"), re.DOTALL | re.MULTILINE)[1]
+ROSTER = """Student,ID,SIS User ID,SIS Login ID,Section,How late? (77)
+    Points Possible,,,,,2.00
+"Lovelace, Ada",11,u11,ada@x.org,A,
+"=1+1, Bob",12,u12,bob@x.org,A,
+"""
+
+
+@pytest.fixture
+def each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with the key of a homework with variants, and a roster."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "each.toml").write_text(EACH, encoding="utf-8")
+    (tmp_path / "class.csv").write_text(ROSTER, encoding="utf-8")
+    made = ask("homework", "make", "each.toml", "--out", "each.homework")
+    assert made.exit_code == 0, made.output
+    assert "ins-lab homework variants each.key" in made.stdout
+    assert not (tmp_path / "each.homework").exists()
+    return tmp_path
+
+
+def test_the_way_of_a_homework_with_variants(each: Path) -> None:
+    """Ada solves hers, Bob puts his name on hers; points and feedback come back, and no formula."""
+    made = ask("homework", "variants", "each.key", "--roster", "class.csv", "--name", "Eve", "--out", "files")
+    assert made.exit_code == 0, made.output
+    names = {path.name for path in (each / "files").iterdir()}
+    assert names == {"Ada_Lovelace.homework", "Bob_1_1.homework", "Eve.homework", "links.csv"}
+    of_ada = "files/Ada_Lovelace.homework"
+    assert "This file is for Ada Lovelace" in ask("homework", "show", of_ada).stdout
+    assert json.loads(ask("homework", "show", of_ada, "--json").stdout)["student"] == "Ada Lovelace"
+    handed = ("homework", "hand-in", of_ada)
+    refused(ask(*handed, "--name", "Bob", "--out", "bob.handin"), "homework of Ada Lovelace")
+    (each / "handed").mkdir()
+    assert ask(*handed, "--name", "ada lovelace", "--out", "handed/ada.handin").exit_code == 0
+    sheet = ask("homework", "solutions", "each.key", "--roster", "class.csv", "--out", "sheet.html")
+    assert sheet.exit_code == 0, sheet.output
+    assert "<td>Ada Lovelace</td>" in (each / "sheet.html").read_text("utf-8")
+    graded = ask(
+        *("grade", "handed", "--key", "each.key", "--out", "grades.csv", "--feedback", "feedback"),
+        *("--roster", "class.csv", "--canvas", "canvas.csv"),
+    )
+    assert graded.exit_code == 0, graded.output
+    _, ada, bob = csv.DictReader(io.StringIO((each / "canvas.csv").read_text("utf-8")))
+    assert (ada["Student"], ada["How late? (77)"]) == ("Lovelace, Ada", "0")
+    assert (bob["Student"], bob["How late? (77)"]) == ("'=1+1, Bob", "")
+    assert "Points: 0 of 1" in (each / "feedback/ada.handin.feedback.txt").read_text("utf-8")
+    again = ("grade", "handed", "--key", "each.key", "--roster", "class.csv")
+    refused(ask(*again, "--feedback", "feedback"), "feedback", "not empty")
+    refused(ask(*again, "--feedback", "handed/new"), "within the hand-ins")
+    refused(ask(*again, "--moodle", "moodle.csv"), "Email")
+    refused(ask("grade", "handed", "--key", "each.key", "--canvas", "new.csv"), "--canvas", "--roster")
+    refused(ask("homework", "variants", "each.key", "--name", "Zoe", "--out", "files"), "not empty")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--out", "new"], "accepted are --roster FILE.csv"),
+        (["--out", "new", "--name", "Ada", "--name", "ADA"], "there twice"),
+        (["--out", "new", "--name", " "], "accepted are names"),
+        (["--out", "new", "--roster", "each.toml"], "no column with names"),
+    ],
+)
+def test_students_that_are_no_students_are_refused(each: Path, arguments: list[str], words: str) -> None:
+    refused(ask("homework", "variants", "each.key", *arguments), words)
+    assert not (each / "new").exists()
+
+
+def test_a_homework_that_is_the_same_for_all_has_no_variants(folder: Path) -> None:
+    refused(ask("homework", "variants", "receiver.key", "--name", "Ada", "--out", "new"), "hidden.each")

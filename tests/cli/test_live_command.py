@@ -94,6 +94,46 @@ def test_what_is_recorded_becomes_a_mission_and_plays_again(tmp_path: Path) -> N
     assert len(recorded_samples(tmp_path / "twice.inslab").imu) == len(recorded_samples(raw).imu)
 
 
+FILTERS = """
+class Still:
+    def step(self, imu, fixes):
+        print("printed by the algorithm")
+        return [1.0, 0.0, 0.0, 0.0]
+
+
+class Raises:
+    def step(self, imu, fixes):
+        raise ValueError("no idea")
+"""
+
+
+def test_filters_of_the_user_run_beside_the_navigator(tmp_path: Path) -> None:
+    """The device on the table stands at roll 2°, pitch -3°; what a filter prints is in no object."""
+    path = tmp_path / "mine.py"
+    path.write_text(FILTERS, encoding="utf-8")
+    given = ("--algorithm", f"{path}:Still", "--algorithm", f"{path}:Raises")
+    one = ("live", "navigate", "simulated:rest?device=vectornav", "--seconds", "4")
+    answer = ask(*one, *given, "--json")
+    assert answer.exit_code == 0, answer.output
+    last = [json.loads(line) for line in answer.stdout.splitlines()][-1]
+    assert last["euler_beside"]["Still"] == [0.0, 0.0, 0.0]
+    assert np.degrees(last["euler_beside"]["truth"])[:2] == pytest.approx([2.0, -3.0], abs=1e-6)
+    assert "mine.py, line 10, in step: ValueError: no idea" in last["algorithms"]["Raises"]
+    refused(ask(*one, "--algorithm", f"{path}:No"), "has no 'No'; live algorithms in the file: Raises, Still")
+    refused(ask(*one, *given, "--algorithm", f"{path}:Still"), "different names")
+
+
+@pytest.mark.proof
+def test_attitudes_beside_the_navigator_are_printed_and_compared(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(FILTERS, encoding="utf-8")
+    given = ("--algorithm", f"{path}:Still", "--algorithm", f"{path}:Raises")
+    answer = ask("live", "navigate", "simulated:rest?device=vectornav", "--seconds", "4", *given)
+    assert re.search(r"0\.00 +0\.00 +0\.00  Still", answer.stdout)
+    assert re.search(r"Still - truth +\d\.\d +3\.6\d +2\.00 +3\.00", answer.stdout)
+    assert "Raises: raised an exception" in answer.stdout
+
+
 @pytest.mark.proof
 def test_a_recording_is_navigated_with(tmp_path: Path) -> None:
     folder = str(tmp_path)

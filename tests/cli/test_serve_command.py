@@ -33,6 +33,7 @@ def test_serving_on_a_taken_port_names_a_free_one() -> None:
         ["--origin", "http://a b"],
         ["--allow-device", "nowhere"],
         ["--algorithm", "nowhere.py:None"],
+        ["--live-algorithm", "nowhere.py:None"],
     ],
     ids=lambda wrong: wrong[0],
 )

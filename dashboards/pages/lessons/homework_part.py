@@ -116,7 +116,7 @@ class HomeworkPart:
             return False
         self._seen = self._shelf.version
         shared = self._session.homework
-        if shared is not None and self._shelf.find(shared.name) is None:
+        if shared is not None and self._shelf.find(shared.link) is None:
             self.close()
         return True
 

@@ -92,7 +92,13 @@ class HomeworkView:
         """Show a homework, without answers."""
         self._said.object = ""
         self._name = pmui.TextInput(
-            label="Your name", size="small", variant="outlined", margin=(8, 4), width=280
+            label="Your name",
+            value=homework.student,
+            disabled=bool(homework.student),  # the hidden values are those of this student
+            size="small",
+            variant="outlined",
+            margin=(8, 4),
+            width=280,
         )
         self._name.param.watch(lambda _event: self._rename(), "value")
         self._file = Download(
@@ -103,6 +109,7 @@ class HomeworkView:
             size="small",
             margin=(8, 4),
         )
+        self._rename()
         head = f'<h2>{escape(homework.title)}</h2><p class="where">{_changes(homework)}</p>'
         self.view[:] = [
             self._html(head + text_html(homework.text)),

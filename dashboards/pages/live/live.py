@@ -12,6 +12,7 @@ from dashboards.devices import STATIONS
 from dashboards.pages.base import Page, plot_grid
 from dashboards.pages.live.allan_part import AllanPart
 from dashboards.pages.live.attitude_readout import AttitudeReadout
+from dashboards.pages.live.attitudes_part import AttitudesPart
 from dashboards.pages.live.axes_part import AxesPart
 from dashboards.pages.live.errors_part import ErrorsPart
 from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
@@ -50,7 +51,8 @@ SLOWEST = 20
 answer, as a phone that sleeps."""
 PHONE_KEY = "phone "
 """Before the number of a phone in the key of its station."""
-PLOTS, ERRORS, AXES, ALLAN, TWIN, RAW = "Plots", "Errors", "Axes", "Allan", "Twin", "Raw"
+PLOTS, ATTITUDES, ERRORS, AXES = "Plots", "Attitudes", "Errors", "Axes"
+ALLAN, TWIN, RAW = "Allan", "Twin", "Raw"
 """What the page shows below the status."""
 NOT_ANY_MORE = "This source is not shared with you any more. Choose another one."
 """Said to a visitor who may not watch any more."""
@@ -108,12 +110,14 @@ class Live(PartOfWatched, Page):
         self._figures = LiveFigures()
         self._plots = plot_grid(self._figures.figures, 3, 205, beside=ABOVE)
         self._errors = ErrorsPart(WINDOWS["20 s"])
+        self._attitudes = AttitudesPart(WINDOWS["20 s"], self._fill_again)
         self._axes, self._allan = AxesPart(), AllanPart(self._session)
         self._twin = TwinPart(self._session, lambda: self._allan.card)
         self._raw = RawPart()
         self._question = QuestionPart(self._keep_answer)
         self._parts = {
             PLOTS: self._plots,
+            ATTITUDES: self._attitudes.view,
             ERRORS: self._errors.view,
             AXES: self._axes.view,
             ALLAN: self._allan.view,
@@ -172,6 +176,7 @@ class Live(PartOfWatched, Page):
         self._recorder.close()
         self._inviting.close()
         self._errors.close()
+        self._attitudes.close()
         self._axes.close()
         self._allan.close()
         self._twin.close()
@@ -186,7 +191,7 @@ class Live(PartOfWatched, Page):
         """
         assert self._document is not None
         with together(self._document):
-            if self._choice.value in (PLOTS, ERRORS) and self._station is not None:
+            if self._choice.value in (PLOTS, ATTITUDES, ERRORS) and self._station is not None:
                 self._begin_anew()
             else:
                 self._tell_part()
@@ -199,6 +204,7 @@ class Live(PartOfWatched, Page):
         """Renew the chosen part."""
         tells = {
             ALLAN: self._allan.tell,
+            ATTITUDES: self._attitudes.tell,
             AXES: self._axes.tell,
             ERRORS: self._errors.tell,
             RAW: self._raw.tell,
@@ -209,6 +215,7 @@ class Live(PartOfWatched, Page):
 
     def _show_parts_of(self, watched: Watched | None) -> None:
         self._errors.watch(watched)
+        self._attitudes.watch(watched)
         self._axes.watch(watched)
         self._allan.watch(watched)
         self._twin.watch(watched)
@@ -376,6 +383,7 @@ class Live(PartOfWatched, Page):
         with together(self._document):
             self._figures.clear()
             self._errors.begin_anew()
+            self._attitudes.begin_anew()
             self._advance()
         self._report()
         if self._visible and self._pause.label == "Pause":
@@ -413,7 +421,8 @@ class Live(PartOfWatched, Page):
         if self._ticks % max(turn, 1):
             return
         # A browser that is behind gets the next update later: updates that wait would only delay newer ones.
-        taken = (self._errors if self._choice.value == ERRORS else self._figures).taken
+        parts: dict[str, ErrorsPart | AttitudesPart] = {ERRORS: self._errors, ATTITUDES: self._attitudes}
+        taken = parts.get(str(self._choice.value), self._figures).taken
         self._waited = 0 if taken else self._waited + turn
         if 0 < self._waited < SLOWEST:
             return
@@ -439,6 +448,9 @@ class Live(PartOfWatched, Page):
         station = self._station
         if station is None or self._choice.value == ERRORS:
             self._errors.advance()
+            return
+        if self._choice.value == ATTITUDES:
+            self._attitudes.advance()
             return
         if self._choice.value != PLOTS:
             return
@@ -475,6 +487,11 @@ class Live(PartOfWatched, Page):
         window = WINDOWS.get(name, WINDOWS["20 s"])
         self._figures.widen(window)
         self._errors.widen(window)
+        self._attitudes.widen(window)
+        if self._station is not None:
+            self._begin_anew()
+
+    def _fill_again(self) -> None:
         if self._station is not None:
             self._begin_anew()
 

@@ -83,7 +83,7 @@ class Number:
         """Return what there is to say of an answer: a number, alone, in a text or in an array."""
         if answer is None:
             return Outcome(None, self.question)
-        value, unit = _finite(answer)
+        value, unit = finite_number(answer)
         if math.isnan(value):
             return Outcome(False, f"The answer is a number. {self.question}")
         if unit not in ("", self.unit):
@@ -168,7 +168,7 @@ def _single(answer: object) -> object:
     return answer
 
 
-def _finite(answer: object) -> tuple[float, str]:
+def finite_number(answer: object) -> tuple[float, str]:
     """Return an answer as a number, and the unit behind it; NaN if it is none, not finite, or too large."""
     single, unit = _single(answer), ""
     if isinstance(single, str) and len(single) <= LONGEST and (found := _NUMBER.fullmatch(single.strip())):

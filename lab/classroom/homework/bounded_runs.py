@@ -9,7 +9,6 @@ so that the same hand-ins give the same table.
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Callable, Mapping
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -18,11 +17,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
+from lab.base.address_space import limit_memory
 from lab.classroom.homework.exported_run import REFUSED, Repeated, repeat
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed, key_text, parse_key
 from lab.classroom.lessons.quantities import QUANTITIES
-from lab.run.memory import TooLongError, address_space
+from lab.run.memory import TooLongError
 
 FIGURES = ("position_rms", "position_max", "velocity_rms", "tilt_rms", "heading_rms", "nees", "nis")
 """Quantities of the result in the table of the grades; see `lab.classroom.lessons.quantities`."""
@@ -130,9 +130,9 @@ class BoundedRuns:
         """End the process."""
         self._end()
 
-    def __call__(self, _judge: Judge, changes: Mapping[str, Any]) -> Examined:
-        """Run the homework with the changes of a student."""
-        found = self._ask(dict(changes))
+    def __call__(self, judge: Judge, changes: Mapping[str, Any]) -> Examined:
+        """Run the homework with the changes of a student, whose variant it is if each has one."""
+        found = self._ask((judge.homework.student, dict(changes)))
         return Examined.failed(self._judge, f"cannot be run: {found}") if isinstance(found, str) else found
 
     def repeat(self, path: Path) -> Repeated:
@@ -192,24 +192,15 @@ def _serve(line: Connection, key: str, memory: int, examining: Examining) -> Non
     """Examine settings until the line is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C stops the grading, which ends this process
     keyed = parse_key(key)
-    _limit(memory)
+    limit_memory(memory)
     line.send(True)
     while True:
         try:
             given = line.recv()
         except EOFError:
             return
-        is_export = isinstance(given, Path)
-        line.send(repeat(keyed, given, FIGURES) if is_export else examining(keyed.judge, given))
-
-
-def _limit(memory: int) -> None:
-    """Bound the memory that this process takes from now on [bytes]."""
-    if sys.platform == "linux":
-        import resource  # noqa: PLC0415 - not there on Windows
-
-        _, hard = resource.getrlimit(resource.RLIMIT_AS)
-        most = address_space() + memory
-        resource.setrlimit(
-            resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
-        )
+        if isinstance(given, Path):
+            line.send(repeat(keyed, given, FIGURES))
+        else:
+            student, changes = given
+            line.send(examining(keyed.judge_for(student), changes))

@@ -87,7 +87,7 @@ def _changes(keyed: Keyed, saved: SavedResult) -> dict[str, Any]:
     Raises
     ------
     ResultError
-        If the export is of another homework, of many runs, or of a student's own algorithm.
+        If the export is of another homework, of one with variants, of many runs, or of an own algorithm.
     SettingError
         If a setting differs that the homework does not let a student change.
     """
@@ -96,6 +96,11 @@ def _changes(keyed: Keyed, saved: SavedResult) -> dict[str, Any]:
     if kind != "homework" or name != homework.name:
         what = f"the homework {name[:64]}" if kind == "homework" else "no homework"
         raise ResultError(f"is an export of {what}; accepted are those of {homework.name}")
+    if keyed.varies:
+        raise ResultError(
+            "is of a homework that differs from student to student, and an export names no student; "
+            "accepted is the hand-in"
+        )
     if saved.kind != "result" or saved.facts.get("algorithm"):
         raise ResultError("is of many runs, or of an own algorithm; accepted are exports of single runs")
     seed = scenario.shown.seed

@@ -25,6 +25,7 @@ from lab.classroom.homework.exported_run import ENDINGS, Repeated, repeat
 from lab.classroom.homework.hand_in import DEEPEST, HandIn, HandInError, open_hand_in, read_hand_in
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed
+from lab.classroom.homework.variant import tag_of
 from lab.classroom.lessons.quantities import QUANTITIES
 
 MOST_FILES = 2000
@@ -148,7 +149,7 @@ def grade(
         remarks = [f"the same file as {original}"] if original != file.name else []
         if names[_folded(found.name)] > 1 and not remarks:
             remarks.append("this name is in several files")
-        rows.append(row | _graded(found, keyed.judge, remarks, examining))
+        rows.append(row | _graded(found, keyed.judge_for(found.name), remarks, examining))
     return rows
 
 
@@ -158,14 +159,16 @@ def _open(file: Handed, keyed: Keyed) -> tuple[HandIn | Path | str, str]:
         return file.path, ""
     try:
         content = read_hand_in(file.path)
-        return open_hand_in(content, keyed.homework, keyed.key), hashlib.sha256(content).hexdigest()
+        handed = open_hand_in(content, keyed.homework, keyed.key)
+        _check_variant(handed, keyed)
+        return handed, hashlib.sha256(content).hexdigest()
     except HandInError as error:
         return str(error), ""
 
 
 def _repeated(found: Repeated) -> Row:
     """Return the cells of an export."""
-    row = {_column(name): _figure(value) for name, value in found.figures.items()}
+    row = {figure_column(name): _figure(value) for name, value in found.figures.items()}
     settings = {path: value for path, value in found.changes.items() if path != "seed"}
     return row | {
         "status": found.status,
@@ -174,13 +177,28 @@ def _repeated(found: Repeated) -> Row:
     }
 
 
+def _check_variant(handed: HandIn, keyed: Keyed) -> None:
+    """Raise `HandInError` if a hand-in is not of the variant of the student whose name it has."""
+    right = tag_of(keyed.key, handed.name) if keyed.varies else ""
+    if handed.variant == right:
+        return
+    if not keyed.varies:
+        raise HandInError("is of a variant for one student, and this homework is the same for all")
+    shown = handed.name if handed.name.isprintable() else "this name"
+    raise HandInError(
+        f"is of the variant of another student than {shown}; accepted is the hand-in of a student's own file"
+        if handed.variant
+        else f"is of no variant; accepted is the hand-in of the file for {shown}"
+    )
+
+
 def columns(judge: Judge) -> list[str]:
     """Return the columns of the table."""
     homework = judge.homework
     faults = ["faults_named", "faults_right", "faults_wrong", "faults_missed", "faults_points"]
     return [
         *("file", "name", "status", "remark", "homework", "points", "of"),
-        *(_column(name) for name in FIGURES),
+        *(figure_column(name) for name in FIGURES),
         *(faults if homework.names_faults else []),
         *(
             f"{what}_{number}"
@@ -205,6 +223,11 @@ def text_cell(text: str) -> str:
     """Return a text for a cell: on one line, and never a formula of a spreadsheet."""
     plain = _one_line(text)
     return f"'{plain}" if plain.lstrip().startswith(_FORMULA) else plain
+
+
+def unguarded(cell: str) -> str:
+    """Return the text of a cell that `text_cell` made."""
+    return cell[1:] if cell.startswith("'") and cell[1:].lstrip().startswith(_FORMULA) else cell
 
 
 def _one_line(text: str) -> str:
@@ -236,7 +259,7 @@ def _graded(handed: HandIn, judge: Judge, remarks: list[str], examining: Examini
         row |= {f"answer_{number}": text_cell(answer), f"answer_points_{number}": f"{won:.6g}"}
     examined = examining(judge, handed.changes)
     remarks += [examined.problem] if examined.problem else []
-    row |= {_column(name): _figure(value) for name, value in examined.figures.items()}
+    row |= {figure_column(name): _figure(value) for name, value in examined.figures.items()}
     for number, (goal, is_reached) in enumerate(zip(homework.goals, examined.passed, strict=True), 1):
         points += goal.points * is_reached
         row[f"goal_{number}_points"] = f"{goal.points * is_reached:.6g}"
@@ -245,7 +268,8 @@ def _graded(handed: HandIn, judge: Judge, remarks: list[str], examining: Examini
     return row | {"status": status, "remark": text_cell("; ".join(remarks))}
 
 
-def _column(name: str) -> str:
+def figure_column(name: str) -> str:
+    """Return the heading of a quantity of `FIGURES`, with its unit."""
     unit = QUANTITIES[name].unit
     return f"{name} [{unit}]" if unit else name
 

@@ -13,7 +13,7 @@ import re
 import stat
 import unicodedata
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.toml_file import TomlError, parse_toml, toml_text
 from lab.classroom.homework.homework import LONGEST_ANSWER, Homework, fault_titles
 from lab.classroom.homework.sealing import SealError, TeacherKey, seal_for_teacher
+from lab.classroom.homework.variant import folded
 from lab.classroom.lessons.lesson import number_typed
 from lab.experiment.experiment import Experiment
 
@@ -59,12 +60,15 @@ class HandIn:
         The faults that he named, by their title.
     answers : tuple of str
         His answers to the questions, as chosen or typed; empty texts for those without.
+    variant : str
+        Tag of the variant that he worked on; empty if all students have the same homework.
     """
 
     name: str
     changes: Mapping[str, Any]
     faults: tuple[str, ...] = ()
     answers: tuple[str, ...] = ()
+    variant: str = ""
 
 
 def hand_in(
@@ -96,13 +100,19 @@ def hand_in(
     SettingError
         If a setting was changed that the homework does not let a student change.
     """
+    if homework.student and folded(name) != folded(homework.student):
+        raise HandInError(
+            f"has the name {name[:40]!r}, and this file is the homework of {homework.student}; accepted is "
+            "this name, because the hidden values are those of one student"
+        )
     whole = (*answers, *("",) * (len(homework.questions) - len(answers)))
     for number, (question, answer) in enumerate(zip(homework.questions, whole, strict=False), 1):
         if answer and not question.choices and not math.isfinite(number_typed(answer)):
             raise HandInError(
                 f"answer {number}: {answer[:40]!r} is no number; accepted is one without a unit, such as 0.5"
             )
-    return _checked(homework, HandIn(name, homework.scenario.changes(experiment), tuple(faults), whole))
+    changes = homework.scenario.changes(experiment)
+    return _checked(homework, HandIn(name, changes, tuple(faults), whole, homework.variant))
 
 
 def hand_in_text(homework: Homework, handed: HandIn) -> str:
@@ -117,6 +127,7 @@ def hand_in_text(homework: Homework, handed: HandIn) -> str:
             if value is not None
         ],
         "unset": [path for path, value in handed.changes.items() if value is None],
+        **({"variant": handed.variant} if handed.variant else {}),
     }
     sealed = seal_for_teacher(homework.public, toml_text(tables).encode(), _context(homework.name))
     return _HEAD + toml_text(
@@ -212,8 +223,10 @@ def _handed(tables: Mapping[str, Any]) -> HandIn:
     """Return what the tables of an opened hand-in say, with the right types."""
     name, faults, answers = (tables.get(key) for key in ("name", "faults", "answers"))
     changes, unset = tables.get("changes", []), tables.get("unset", [])
+    variant = tables.get("variant", "")
     right = (
         isinstance(name, str)
+        and isinstance(variant, str)
         and all(isinstance(texts, list) for texts in (faults, answers, unset))
         and all(isinstance(one, str) for texts in (faults, answers, unset) for one in texts or ())
         and isinstance(changes, list)
@@ -225,7 +238,7 @@ def _handed(tables: Mapping[str, Any]) -> HandIn:
     if not right:
         raise HandInError("has other contents than the lab writes; accepted is the file as the lab wrote it")
     values = {one["path"]: one["value"] for one in changes} | dict.fromkeys(unset)
-    return HandIn(str(name), values, tuple(faults or ()), tuple(answers or ()))
+    return HandIn(str(name), values, tuple(faults or ()), tuple(answers or ()), variant)
 
 
 def _checked(homework: Homework, handed: HandIn) -> HandIn:
@@ -261,7 +274,7 @@ def _checked(homework: Homework, handed: HandIn) -> HandIn:
         homework.experiment_with(handed.changes)
     except SettingError as error:
         raise HandInError(str(error)) from error
-    return HandIn(name, handed.changes, tuple(sorted(set(handed.faults))), handed.answers)
+    return replace(handed, name=name, faults=tuple(sorted(set(handed.faults))))
 
 
 def _plain(value: Any) -> Any:

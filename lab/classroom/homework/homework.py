@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -101,6 +102,10 @@ class Homework:
         Further questions.
     goals : tuple of Goal
         What is asked of the result.
+    student : str
+        Name of the only student whose homework this is; empty if it is that of all.
+    variant : str
+        Tag of the student's variant; see `lab.classroom.homework.variant`.
     """
 
     scenario: Scenario
@@ -110,6 +115,8 @@ class Homework:
     fault_points: float = 1.0
     questions: tuple[Question, ...] = ()
     goals: tuple[Goal, ...] = ()
+    student: str = ""
+    variant: str = ""
 
     @property
     def title(self) -> str:
@@ -120,6 +127,14 @@ class Homework:
     def name(self) -> str:
         """Its name, a digest of the teacher's public keys."""
         return self.scenario.name
+
+    @property
+    def link(self) -> str:
+        """What names it in an address of the teacher's server; of a variant, with the tag and the student."""
+        if not self.variant:
+            return self.name
+        student = base64.urlsafe_b64encode(self.student.encode()).decode().rstrip("=")
+        return f"{self.name}.{self.variant}.{student}"
 
     @property
     def best(self) -> float:

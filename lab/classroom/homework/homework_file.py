@@ -10,12 +10,14 @@ import base64
 import binascii
 import os
 import secrets
+import unicodedata
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from lab.base.parameters.toml_file import TomlError, parse_toml, read_text, toml_text
+from lab.classroom.homework import variant
 from lab.classroom.homework.homework import Homework, Judge
 from lab.classroom.homework.scenario import SEEDS
 from lab.classroom.homework.sealing import (
@@ -55,18 +57,36 @@ class Keyed:
     source : str
         The teacher's TOML text.
     judge : Judge
-        The homework with its solutions.
+        The homework with its solutions. If each student has a variant, that of nobody.
+    varies : bool
+        Whether each student has a variant: a seed and hidden values that follow from the name.
     """
 
     key: TeacherKey
     seed: int
     source: str
     judge: Judge
+    varies: bool = False
 
     @property
     def homework(self) -> Homework:
         """The homework."""
         return self.judge.homework
+
+    @property
+    def varying(self) -> variant.Varying:
+        """What differs from student to student."""
+        return variant.varying_in(parse_toml(self.source))
+
+    def judge_for(self, student: str) -> Judge:
+        """Return the homework of one student with its solutions; that of all, unless each has a variant."""
+        if not self.varies:
+            return self.judge
+        name = " ".join(unicodedata.normalize("NFC", student).split())
+        tables = variant.tables_of(parse_toml(self.source), self.key, name)
+        judge = judge_of(tables, self.key.public, self.seed)
+        homework = replace(judge.homework, student=name, variant=variant.tag_of(self.key, name))
+        return replace(judge, homework=homework)
 
 
 def make_homework(source: Path) -> Keyed:
@@ -81,19 +101,30 @@ def make_homework(source: Path) -> Keyed:
     """
     check_installed()
     text, key = _bounded(source), TeacherKey.new()
-    return _keyed(key, secrets.randbelow(SEEDS), text, source.name)
+    made = _keyed(key, secrets.randbelow(SEEDS), text, source.name)
+    if made.varies:
+        try:
+            for tables in variant.extremes(parse_toml(text)):
+                judge_of(tables, key.public, made.seed)
+        except LessonError as error:
+            raise LessonError(f"{source.name}: {error}") from error
+    return made
 
 
 def _keyed(key: TeacherKey, seed: int, source: str, name: str) -> Keyed:
     try:
-        return Keyed(key, seed, source, judge_of(parse_toml(source), key.public, seed))
+        tables = parse_toml(source)
+        varies = variant.has_variants(tables)
+        if varies:
+            tables = variant.tables_of(tables, key, "")
+        return Keyed(key, seed, source, judge_of(tables, key.public, seed), varies)
     except (TomlError, LessonError) as error:
         raise LessonError(f"{name}: {error}") from error
 
 
-def homework_text(made: Keyed) -> str:
-    """Return the content of the file for the students."""
-    homework = made.homework
+def homework_text(made: Keyed, student: str = "") -> str:
+    """Return the content of the file for the students, or of that for one student if each has a variant."""
+    homework = made.judge_for(student).homework if student else made.homework
     scenario, hidden = homework.scenario, homework.scenario.hidden
     secret = toml_text(
         {"faults": list(hidden.faults), "seed": hidden.seed, "settings": dict(hidden.settings)}
@@ -116,6 +147,7 @@ def homework_text(made: Keyed) -> str:
             for one in homework.questions
         ],
         "goal": [{"text": one.text, "points": one.points} for one in homework.goals],
+        **({"student": homework.student, "variant": homework.variant} if homework.variant else {}),
         "settings": dict(scenario.settings),
     }
     body = _HEAD + toml_text(tables)
@@ -160,7 +192,10 @@ def _opened(text: str) -> Homework:
         "question": [_solved(one) for one in _listed(tables, "question")],
         "goal": [{**one, "condition": "nees < 1"} for one in _listed(tables, "goal")],
     }
-    return judge_of(source, public, 0).homework
+    student, tag = (tables.get(name, "") for name in ("student", "variant"))
+    if not isinstance(student, str) or not isinstance(tag, str) or not student.isprintable():
+        raise LessonError("student, variant: are damaged; accepted is the original file")
+    return replace(judge_of(source, public, 0).homework, student=student, variant=tag)
 
 
 def _listed(tables: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:

@@ -12,6 +12,7 @@ and so can a person who calls its functions.
 from __future__ import annotations
 
 import hashlib
+import hmac
 import secrets
 from dataclasses import dataclass
 from functools import cached_property
@@ -96,6 +97,22 @@ class TeacherKey:
             return ChaCha20Poly1305(key).decrypt(nonce, sealed[_POINT + _NONCE :], context.encode())
         except (InvalidTag, ValueError) as error:
             raise SealError("is sealed for another key, or has been changed since") from error
+
+    def digest_of(self, what: str, name: str) -> bytes:
+        """Return 32 bytes that follow from a student's name, and that only this secret gives (HMAC-SHA256).
+
+        Parameters
+        ----------
+        what
+            What the bytes are for: two purposes give unlike bytes.
+        name
+            The name.
+        """
+        return hmac.digest(self._varying, f"{what}\0{name}".encode(), "sha256")
+
+    @cached_property
+    def _varying(self) -> bytes:
+        return _derived(self.secret, b"", "variants of a homework")
 
     @cached_property
     def _signing(self) -> Ed25519PrivateKey:

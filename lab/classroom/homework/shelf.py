@@ -5,17 +5,24 @@ A server with the keys runs the homework itself, so that nothing hidden leaves i
 
 from __future__ import annotations
 
+import base64
+import binascii
+import hmac
 from pathlib import Path
 from typing import NamedTuple
 
+from lab.classroom.homework.hand_in import LONGEST_NAME
 from lab.classroom.homework.homework import Homework
-from lab.classroom.homework.homework_file import read_key
+from lab.classroom.homework.homework_file import Keyed, read_key
 from lab.classroom.homework.sealing import SealError
+from lab.classroom.homework.variant import tag_of
 from lab.classroom.lessons.catalogue import Stamp, files_in
 from lab.classroom.lessons.fields import LessonError
 
 MOST_FILES = 100
 """Most keys of a folder that are read; more are left out, in the order of their names."""
+OWN_LINK = "Each student has another one: open yours with the link, or the file, that your teacher gave you."
+"""Said of a homework with variants."""
 
 
 class Shelved(NamedTuple):
@@ -25,15 +32,20 @@ class Shelved(NamedTuple):
     ----------
     file : str
         Name of the key, without its ending.
-    homework : Homework or None
-        The homework; None if the key is not accepted.
+    keyed : Keyed or None
+        The homework with its key; None if the key is not accepted.
     problem : str
-        Why it is not accepted; empty if it is.
+        Why nobody can open it from the list; empty if everybody can.
     """
 
     file: str
-    homework: Homework | None
+    keyed: Keyed | None
     problem: str = ""
+
+    @property
+    def homework(self) -> Homework | None:
+        """The homework that everybody can open; None if there is none, or each student has a variant."""
+        return None if self.keyed is None or self.keyed.varies else self.keyed.homework
 
 
 class Shelf:
@@ -71,11 +83,16 @@ class Shelf:
         self.entries = list(found.values())
         self.version += [id(entry) for entry in before] != [id(entry) for entry in self.entries]
 
-    def find(self, name: str) -> Homework | None:
-        """Return the homework of a name; None if there is none."""
+    def find(self, link: str) -> Homework | None:
+        """Return the homework that a link names, as `Homework.link` writes it; None if there is none.
+
+        The variant of a student is found with its tag, which only the teacher's secret gives.
+        """
+        name, _, rest = link.partition(".")
         for entry in self.entries:
-            if entry.homework is not None and entry.homework.name == name:
-                return entry.homework
+            keyed = entry.keyed
+            if keyed is not None and keyed.homework.name == name:
+                return _variant(keyed, rest) if keyed.varies else keyed.homework if not rest else None
         return None
 
     def _entry(self, path: Path) -> Shelved:
@@ -92,6 +109,21 @@ class Shelf:
 
 def _read(path: Path) -> Shelved:
     try:
-        return Shelved(path.stem, read_key(path).homework)
+        keyed = read_key(path)
     except (LessonError, SealError) as error:
         return Shelved(path.stem, None, str(error))
+    return Shelved(path.stem, keyed, OWN_LINK if keyed.varies else "")
+
+
+def _variant(keyed: Keyed, rest: str) -> Homework | None:
+    """Return the variant of a student that the rest of a link names: its tag, and the name in Base64."""
+    tag, _, name = rest.partition(".")
+    try:
+        student = base64.urlsafe_b64decode(name + "=" * (-len(name) % 4)).decode()
+    except (binascii.Error, ValueError):
+        return None
+    if not 0 < len(student) <= LONGEST_NAME or not student.isprintable():
+        return None
+    if not hmac.compare_digest(tag.encode(), tag_of(keyed.key, student).encode()):
+        return None
+    return keyed.judge_for(student).homework

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.aid_table import SENT
+from lab.base.arrays import FloatArray
 from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.faults import increasing
 from lab.data.clock.limits import LIMITS
@@ -19,6 +20,9 @@ NO_READINGS: Final = np.empty(0, TIMED_READING)
 """No readings."""
 NO_READINGS.setflags(write=False)
 _QUANTITIES: Final = tuple(aid.live for aid in SENT)
+_ATTITUDE: Final = "attitude"
+_OFF_UNIT: Final = 0.01
+"""Largest deviation of the length of a quaternion from one: rounding to two digits stays below."""
 _SIGMAS: Final = (np.radians(0.01), np.radians(60.0))
 """σ of a heading that are believed [rad]: the best receivers reach 0.03° over 10 m between their antennas;
 above 60°, a heading shows little more than which way is not ahead."""
@@ -32,7 +36,7 @@ class ReadingTimes:
     """
 
     def __init__(self) -> None:
-        self._latest = dict.fromkeys(_QUANTITIES, -np.inf)
+        self._latest = dict.fromkeys((*_QUANTITIES, _ATTITUDE), -np.inf)
 
     def timed(
         self,
@@ -65,16 +69,24 @@ class ReadingTimes:
                 imu["time"][inside[0]] if inside.size else _time(row, arrival, clock, fix_clock, last)
             )
         made["arrival"] = arrival
-        for name in (*_QUANTITIES, "end"):
+        for name in (*_QUANTITIES, _ATTITUDE, "end"):
             made[name] = rows[name]
+        length = np.linalg.norm(made[_ATTITUDE], axis=1)
+        made[_ATTITUDE][~(np.abs(length - 1) < _OFF_UNIT)] = np.nan  # zeros too, of who sends none
         sigma = rows["heading_sigma"]
         believed = (sigma > _SIGMAS[0]) & (sigma < _SIGMAS[1])
         made["heading_sigma"] = np.where(believed & np.isfinite(rows["heading"]), sigma, np.nan)
-        for name in _QUANTITIES:
-            time = np.where(np.isfinite(made[name]), made["time"], np.nan)
+        for name in self._latest:
+            time = np.where(_known(made[name]), made["time"], np.nan)
             made[name][~increasing(time, self._latest[name])] = np.nan
             self._latest[name] = float(np.fmax.reduce(time, initial=self._latest[name]))
-        return np.asarray(made[np.logical_or.reduce([np.isfinite(made[name]) for name in _QUANTITIES])])
+        return np.asarray(made[np.logical_or.reduce([_known(made[name]) for name in self._latest])])
+
+
+def _known(values: FloatArray) -> NDArray[np.bool_]:
+    """Return the mask (n,) of the rows with a value: a number, or all of an attitude."""
+    known = np.isfinite(values)
+    return known if known.ndim == 1 else np.asarray(known.all(axis=1))
 
 
 def _time(row: np.void, arrival: float, clock: DeviceClock, fix_clock: DeviceClock, last: float) -> float:

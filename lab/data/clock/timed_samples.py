@@ -62,11 +62,13 @@ TIMED_READING: Final = np.dtype(
         ("arrival", np.float64),
         *((aid.live, np.float64) for aid in SENT),
         ("heading_sigma", np.float64),
+        ("attitude", np.float64, (4,)),
         ("end", np.int64),
     ]
 )
 """A heading, a speed or another reading: ``time`` of validity and ``arrival`` by the host's clock [s].
 
-``heading_sigma`` is NaN also where the device gives one that is not believed.
+``heading_sigma`` is NaN also where the device gives one that is not believed. ``attitude`` is `q_nb` as the
+device itself estimates it, in the axes of the vehicle; NaN where it sends none.
 The other fields are those of `lab.data.protocols.samples.READING`.
 """

@@ -101,7 +101,7 @@ class PhoneLines(Framing):
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Add the samples and fixes of a line; return whether it is one that is read."""
         line = phone_line.line_of(frame)
-        if line is None or not (line.samples or line.force or line.fix):
+        if line is None or not (line.samples or line.force or line.fix or line.attitude):
             return False
         self._end = end
         self._apple = line.apple
@@ -121,6 +121,8 @@ class PhoneLines(Framing):
         for time, *rate_there in line.rate:
             self._pairing.add_rate(time + later, [unit * one for one in rate_there])
         self._pair(rows)
+        for time, *q_ed in line.attitude:
+            rows.add_attitude(end, time + later, _in_ned(*q_ed))
         for fix in line.fix:
             _add_fix(fix, later, end, rows)
         return True
@@ -184,6 +186,15 @@ class PhoneDecoder(StreamDecoder):
 
 def _dot(force: Vector, up: Vector) -> float:
     return sum(one * other for one, other in zip(force, up, strict=True))
+
+
+def _in_ned(w: float, x: float, y: float, z: float) -> Vector:
+    """Return an attitude whose rotation ends in east, north, up as one that ends in north, east, down.
+
+    The two frames are half a turn about northeast apart: a product with the quaternion (0, 1, 1, 0)/√2.
+    """
+    half = math.sqrt(0.5)
+    return (half * (-x - y), half * (w + z), half * (w - z), half * (y - x))
 
 
 def _add_fix(fix: Row, later: float, end: int, rows: Rows) -> None:

@@ -26,7 +26,7 @@ MOST_FIXES: Final = 20
 """Most fixes in a line."""
 DEGREES: Final = "deg/s"
 RADIANS: Final = "rad/s"
-_WIDTHS: Final = {"imu": 7, "rate": 4, "force": 4, "magnetic": 4, "fix": 12}
+_WIDTHS: Final = {"imu": 7, "rate": 4, "force": 4, "magnetic": 4, "attitude": 5, "fix": 12}
 """Numbers in a row of each kind: its time and its values."""
 _UNIT_TOLERANCE: Final = 0.1
 """Most that the length of the direction up may differ from 1; it is made of rounded angles."""
@@ -58,6 +58,9 @@ class PhoneLine:
         Time [s], angular rate x, y, z [unit], acceleration including gravity x, y, z [m/s²]; NaN is unknown.
     rate, force, magnetic : list of rows
         Time [s] and x, y, z, of devices that send each sensor by itself; the magnetic field in tesla.
+    attitude : list of rows
+        Time [s], and the attitude that the phone itself estimates: a quaternion, scalar first, whose rotation
+        takes device axes to east, north and up. Its north may be any direction.
     fix : list of rows
         Time [s], time since 1970 [s], latitude, longitude [°], height [m], horizontal and vertical σ [m],
         velocity north, east, down [m/s], σ of the speed [m/s], 1 if the height is above the sea.
@@ -74,6 +77,7 @@ class PhoneLine:
     rate: list[Row] = field(default_factory=list)
     force: list[Row] = field(default_factory=list)
     magnetic: list[Row] = field(default_factory=list)
+    attitude: list[Row] = field(default_factory=list)
     fix: list[Row] = field(default_factory=list)
 
     @property

@@ -35,6 +35,9 @@ _LARGEST_READING = {aid.live: max(-aid.column.low, aid.column.high) for aid in S
 }
 """Largest readings that are believed. The fastest car on wheels reached 341 m/s."""
 
+_ROUNDING = 1e-3
+"""Most by which a number of a unit quaternion may exceed 1: single precision and three digits stay below."""
+
 
 class Rows:
     """Collects the samples of one stream.
@@ -124,6 +127,13 @@ class Rows:
             return
         row = [values.get(aid.live, NAN) for aid in SENT]
         self._reading += packed_reading(end, time, week_time, utc, row, heading_sigma)
+
+    def add_attitude(self, end: int, time: float, attitude: Vector) -> None:
+        """Take an attitude that the device itself estimates, or count it as refused; as of `READING`."""
+        if abs(time) > LIMITS.largest or any(abs(value) > 1 + _ROUNDING for value in attitude):
+            self._statistics.refused += 1
+            return
+        self._reading += packed_reading(end, time, NAN, NAN, [NAN] * len(SENT), NAN, attitude)
 
     def taken(self) -> Samples:
         """Return what was collected, and begin anew."""

@@ -67,13 +67,15 @@ READING: Final = np.dtype(
         ("utc", np.float64),
         *((aid.live, np.float64) for aid in SENT),
         ("heading_sigma", np.float64),
+        ("attitude", np.float64, (4,)),
         ("end", np.int64),
     ]
 )
 """A reading of two antennas, of a compass, of an odometer, or of a further sensor of the aid table.
 
 ``time``, ``week_time``, ``utc`` and ``end`` as of `FIX`; true ``heading`` of the forward axis [rad];
-``speed`` forward [m/s]; what further sensors read; σ of the heading [rad].
+``speed`` forward [m/s]; what further sensors read; σ of the heading [rad]; ``attitude`` (4,), which the
+device itself estimates: a quaternion, scalar first, whose rotation takes its axes to north, east and down.
 """
 NO_FIX: Final = 1
 """Kind of a fix that is none, GPS_FIX_TYPE_NO_FIX of MAVLink: position and velocity are NaN."""
@@ -103,11 +105,13 @@ NAMED: Final = {
 NAN: Final = float("nan")
 UNKNOWN: Final = (NAN, NAN, NAN)
 """A vector that the device does not send."""
+NO_ATTITUDE: Final = (NAN, NAN, NAN, NAN)
+"""An attitude that the device does not send."""
 
 # Rows are packed one by one: this is ten times faster than to assign the fields of an array of one row.
 _IMU: Final = struct.Struct("<dq3d3d3dddqq")
 _FIX: Final = struct.Struct("<dddddd3ddddqqqq")
-_READING: Final = struct.Struct(f"<{4 + len(SENT)}dq")  # three times, the values, their σ
+_READING: Final = struct.Struct(f"<{8 + len(SENT)}dq")  # three times, the values, their σ, an attitude
 assert _IMU.size == IMU.itemsize
 assert _FIX.size == FIX.itemsize
 assert _READING.size == READING.itemsize
@@ -186,7 +190,13 @@ def packed_fix(
 
 
 def packed_reading(
-    end: int, time: float, week_time: float, utc: float, values: Sequence[float], heading_sigma: float
+    end: int,
+    time: float,
+    week_time: float,
+    utc: float,
+    values: Sequence[float],
+    heading_sigma: float,
+    attitude: Vector = NO_ATTITUDE,
 ) -> bytes:
     """Return the bytes of a row of `READING`; its values are in the order of `SENT`."""
-    return _READING.pack(time, week_time, utc, *values, heading_sigma, end)
+    return _READING.pack(time, week_time, utc, *values, heading_sigma, *attitude, end)

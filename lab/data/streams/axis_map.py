@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
 from lab.data.streams.transport import TransportError
@@ -103,6 +104,16 @@ class AxisMap:
         order = np.abs(self.matrix).argmax(axis=0)
         signs = self.matrix.sum(axis=0) * (-1.0 if force and self.inverted_force else 1.0)
         return np.asarray(vectors[..., order] * signs)
+
+    def attitude(self, q_nd: FloatArray) -> FloatArray:
+        """Return attitudes (n, 4) of the device, with the scalar first, as those of the vehicle."""
+        known = np.isfinite(q_nd).all(axis=1)
+        made = np.full(q_nd.shape, np.nan)
+        if known.any():
+            to_device = Rotation.from_matrix(self.matrix.T)
+            turned = Rotation.from_quat(q_nd[known], scalar_first=True) * to_device
+            made[known] = turned.as_quat(scalar_first=True)
+        return made
 
     def __str__(self) -> str:
         return ",".join((*self.axes, *((INVERTED,) if self.inverted_force else ())))

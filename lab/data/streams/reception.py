@@ -317,7 +317,9 @@ class Reception:
             fix = self._fixes.timed(samples.fix, arrival, self.clock, self.watch.last)
         if len(samples.reading):
             clocks = self.clock, self.fix_clock, self.watch.last
-            self._readings.append(self._reading_times.timed(samples.reading, arrival, imu, *clocks))
+            timed = self._reading_times.timed(samples.reading, arrival, imu, *clocks)
+            timed["attitude"] = self.axes.attitude(timed["attitude"])
+            self._readings.append(timed)
         return imu, fix
 
     def _asked(self, imu: Rows) -> Rows:

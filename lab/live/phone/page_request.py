@@ -81,8 +81,9 @@ def _line_of(batch: Any, origin: float, apple: bool) -> PhoneLine | None:
         return None
     imu = rows_of(batch.get("imu"), 7, MOST_SAMPLES)
     fixes = rows_of(batch.get("fix"), 9, MOST_FIXES)
+    turned = rows_of(batch.get("turned"), 4, MOST_SAMPLES)
     count = whole(batch.get("number"))
-    if imu is None or fixes is None or count < 0:
+    if imu is None or fixes is None or turned is None or count < 0:
         return None
     for row in imu:
         row[0] = round(row[0] / 1000, 6)
@@ -93,8 +94,23 @@ def _line_of(batch: Any, origin: float, apple: bool) -> PhoneLine | None:
         apple=apple,
         up=direction(batch.get("up")),
         imu=imu,
+        attitude=[_attitude(row) for row in turned if not any(map(math.isnan, row))],
         fix=[_fix(row, apple) for row in fixes],
     )
+
+
+def _attitude(row: Row) -> Row:
+    """Return a row of alpha, beta, gamma [°] as of `PhoneLine`: turns about z, then x, then y of the device.
+
+    The quaternion is the product of those of the three turns (W3C, *Device Orientation and Motion*).
+    """
+    time, *angles = row
+    (cz, sz), (cx, sx), (cy, sy) = (
+        (math.cos(half), math.sin(half)) for half in (math.radians(angle) / 2 for angle in angles)
+    )
+    w, x = cz * cx * cy - sz * sx * sy, cz * sx * cy - sz * cx * sy
+    y, z = cz * cx * sy + sz * sx * cy, sz * cx * cy + cz * sx * sy
+    return [round(time / 1000, 6), *(round(one, 6) for one in (w, x, y, z))]
 
 
 def _fix(row: Row, apple: bool) -> Row:
