@@ -14,6 +14,7 @@ MODULES = (path.relative_to(ROOT) for top in ("lab", "dashboards") for path in (
 FILES = sorted(set(MODULES) - SCRIPTS)
 HARMLESS = {
     "check_files",  # of one function of the package
+    "command",  # of the command line, in a group of its own
     "find_old_names",  # of the package's own modules
     "register",  # what a file of the package offers to earlier ones
     "register_cards",  # the displays of the package's own classes, in a notebook
