@@ -45,6 +45,8 @@ NOT_RUN = {
 """Python that is not run, by document and a part of its text, and why; its imports are made."""
 SHOWN = {
     "text": "a diagram",
+    "nginx": "a proxy; tests/browser/test_class_restart.py runs it",
+    "ini": "a service of systemd, which systemd-analyze verifies",
     "json": "a row of the live solution; tests/live/outlets/test_documented_lines.py compares it",
     "shell": "see tests/cli/test_document_commands.py",
     "{toctree}": "by Sphinx",
