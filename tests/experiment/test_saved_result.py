@@ -261,7 +261,7 @@ def test_a_newer_file_is_refused_in_words(result: Result, files: dict[str, Path]
         ("a.json", b'{"settings": {}, "schema": "ins-lab homework"}'),
         ("a.tum", b"# INS Lab: what made this file, as TOML\n# = =\n# INS Lab: end\n"),
         ("a.tum", b"# INS Lab: what made this file, as TOML\n# schema = 1\n"),
-        ("a.csv.gz", gzip.compress(b"x" * 100)[:-9]),
+        ("a.csv.gz", gzip.compress(b"x" * 100, mtime=0)[:-9]),
         ("a.csv", b"\xff\xfe\x00"),
         ("a.kml", b"<kml/>"),
         ("a.html", b'<pre id="settings">= =</pre>'),

@@ -94,7 +94,7 @@ HOSTILE = [
 ]
 
 
-@pytest.mark.parametrize("content", HOSTILE)
+@pytest.mark.parametrize("content", HOSTILE, ids=range(len(HOSTILE)))
 def test_what_is_damaged_is_not_taken(content: bytes) -> None:
     left()
     (path,) = folder().iterdir()
