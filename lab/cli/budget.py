@@ -45,9 +45,9 @@ def error_budget(
     there = dataset.isel(time=-1) if at is None else dataset.sel(time=at, method="nearest")
     if as_json:
         from lab.experiment.json_form import budget_of  # noqa: PLC0415 - help does not need it
+        from lab.run.provenance import origin_of  # noqa: PLC0415 - beside it
 
-        remarks = list(result.remarks)
-        print_json({"mission": chosen.mission, "seed": chosen.seed, "remarks": remarks, **budget_of(there)})
+        print_json({**origin_of(chosen), "remarks": list(result.remarks), **budget_of(there)})
     else:
         note = chosen.sensors.card_remark()
         print("\n\n".join((_budget(there), *((note,) if note else ()))))

@@ -59,8 +59,9 @@ def identify(
             _write(settings, chosen.copy().update(found.settings()).to_toml())
     if as_json:
         from lab.experiment.json_form import identification_of  # noqa: PLC0415 - help does not need it
+        from lab.run.provenance import origin_of  # noqa: PLC0415 - beside it
 
-        print_json(identification_of(found))
+        print_json({**origin_of(chosen), **identification_of(found)})
     else:
         print(_text(found))
 

@@ -46,7 +46,9 @@ def judge(
     with working(str(log)) as progress:
         found = judged(log, smoother=smoother, progress=progress)
     if as_json:
-        print_json(facts(found))
+        from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
+
+        print_json({**origin_of(), **facts(found)})
     else:
         print(_text(found))
 

@@ -61,7 +61,9 @@ def numbers(
         found = imu_numbers.numbers(static, chosen, progress)
     lines = "" if program is None else filter_programs.lines(found, program)
     if as_json:
-        print_json({**found.to_dict(), "program": program, "lines": lines or None})
+        from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
+
+        print_json({**origin_of(chosen), **found.to_dict(), "program": program, "lines": lines or None})
     elif program is not None:
         print(lines)
     else:

@@ -99,7 +99,9 @@ def outage(
             client=client,
         )
     if as_json:
-        print_json({**found.to_dict(), "out": None if out is None else str(out)})
+        from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
+
+        print_json({**origin_of(chosen), **found.to_dict(), "out": None if out is None else str(out)})
     else:
         print(_text(found, chosen))
     if out is not None:

@@ -60,7 +60,9 @@ def receiver(
         if settings is not None:
             _write(settings, found)
     if as_json:
-        print_json(found.to_dict())
+        from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
+
+        print_json({**origin_of(), **found.to_dict()})
     else:
         print(_text(found))
 

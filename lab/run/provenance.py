@@ -53,6 +53,16 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in PACKAGES} | {"python": platform.python_version()}
 
 
+def origin_of(experiment: ExperimentSettings | None = None) -> dict[str, Any]:
+    """Return what stands in each printed analysis: its date, versions, and the settings if there are any."""
+    found = {"made": made_now(), "versions": versions()}
+    if experiment is None:
+        return found
+    known = {} if experiment.hidden else {"seed": experiment.seed}
+    sealed = {"sealed": experiment.sealed} if experiment.hidden else {}
+    return {**found, "mission": experiment.mission, **known, **sealed, "settings": experiment.shared()}
+
+
 def facts_of(experiment: ExperimentSettings, flight: Mission, schema: str, **further: Any) -> dict[str, Any]:
     """Return what made the figures of an experiment; `further` facts stand before the settings.
 

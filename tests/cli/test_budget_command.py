@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from asking import ask, refused
 
@@ -29,6 +30,8 @@ def test_a_budget_as_json_has_every_component_and_what_the_filter_believes() -> 
     answer = json.loads(ask("budget", "los_angeles", "--set", "navigator.r_scale=100", "--json").stdout)
     quantities = {row["quantity"]: row for row in answer["quantities"]}
     assert answer["mission"] == "los_angeles"
+    assert answer["settings"]["navigator"]["r_scale"] == 100
+    assert answer["seed"] == 1 and answer["versions"]["numpy"] == np.__version__
     east = quantities["position east"]
     assert east["unit"] == "m"
     assert east["believed"] > 1.5 * east["total"]
