@@ -31,7 +31,10 @@ def calls(body: list[ast.stmt]) -> list[str]:
     found = []
     for statement in body:
         if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Call):
-            found.append(ast.unparse(statement.value.func))
+            called = statement.value.func
+            while isinstance(called, ast.Call):  # a call of what a call returns, as of a decorator
+                called = called.func
+            found.append(ast.unparse(called))
         found += [call for part in ("body", "orelse", "finalbody") for call in calls(inner(statement, part))]
     return found
 

@@ -12,8 +12,8 @@ ROOT = Path(__file__).parent.parent
 FILES = sorted(path for folder in ("lab", "dashboards") for path in (ROOT / folder).rglob("*.py"))
 ROOMS = ("dashboards/upstream", "lab/base/compiling")
 """Where private parts may stand: those of Bokeh, Panel and viser; those of Numba."""
-PUBLIC = {"_replace", "_asdict", "_fields", "_make", "_field_defaults", "_getvalue"}
-"""Documented names with an underscore: of named tuples, and of what Numba's intrinsics return."""
+PUBLIC = {"_replace", "_asdict", "_fields", "_make", "_field_defaults", "_getvalue", "_exit"}
+"""Documented names with an underscore: of named tuples, of what Numba's intrinsics return, and of `os`."""
 
 
 def is_private(name: str) -> bool:
