@@ -32,7 +32,7 @@ def test_a_scheduler_is_named_by_its_file_or_its_address(tmp_path: Path) -> None
     assert rows[0] == rows[1] == rows[2]
     assert rows[0]["verdict"].startswith("Consistent")
     for pair in (ensembles, sweeps, outages):
-        there, here = (json.loads(answer.stdout) | {"seconds": 0} for answer in pair)
+        there, here = (json.loads(answer.stdout) | {"seconds": 0, "made": ""} for answer in pair)
         assert there == here
 
 

@@ -150,7 +150,7 @@ def test_its_table_has_a_row_for_each_combination_and_both_files_all_runs(tmp_pa
         assert f" {float(position):.3f} " in rows[-1]
         assert f"{float(there.nees.mean()):.2f} / 15" in rows[-1]
         nees = found.nees.values.reshape(-1)
-    table = pd.read_csv(tmp_path / "sweep.csv")
+    table = pd.read_csv(tmp_path / "sweep.csv", comment="#")
     assert list(table.columns[:3]) == ["mission", "q_scale", "seed"]
     assert np.allclose(table["nees"], nees, rtol=1e-11)
     refused(ask(*sweep, "--out", str(tmp_path / "sweep.csv")), "exists already", "--force")
@@ -193,7 +193,7 @@ def test_ctrl_c_shows_and_writes_the_runs_that_are_done(ending: str, tmp_path: P
     assert f"{5500 - facts['done']} of 5500 runs: not done, because the sweep was stopped" in facts["refused"]
     assert answer.stderr.splitlines()[-1] == f"ins-lab: stopped after {facts['done']:,} of 5,500 runs"
     if ending == "csv":
-        known = pd.read_csv(out)["nis"].notna().sum()
+        known = pd.read_csv(out, comment="#")["nis"].notna().sum()
     else:
         with xr.open_dataset(out) as found:
             known = int(found.nis.notnull().sum())

@@ -8,6 +8,7 @@ import socket
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest import TestResult
 from urllib.parse import quote
@@ -110,13 +111,20 @@ def test_others_run_unless_it_is_said(
 ) -> None:
     import panel as pn
 
-    from dashboards import origins, server
+    from dashboards import ending, origins
 
     monkeypatch.setenv(VARIABLE, "run")
     asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(pn, "serve", lambda _apps, **how: asked.append(how))
+    loop = SimpleNamespace(start=lambda: None)
+    made = SimpleNamespace(get_sessions=list, start=lambda: None, io_loop=loop)
+
+    def serve(_apps: object, **how: Any) -> object:
+        asked.append(how)
+        return made
+
+    monkeypatch.setattr(pn, "serve", serve)
     monkeypatch.setattr(origins, "check_origins_of_pages", lambda: None)
-    monkeypatch.setattr(server, "_on_end", lambda *_clean: None)
+    monkeypatch.setattr(ending, "end_on_signals", lambda *_how: None)
     dashboards.serve(address=address, visitors=visitors, warm=False)
     assert may_edit() == edit
     (how,) = asked
