@@ -117,7 +117,7 @@ def test_a_device_without_a_clock_needs_its_rate(tmp_path):
     lines = ["{:.4f},{:.4f},{:.4f},{:.3f},{:.3f},{:.3f}".format(*row["rate"], *row["force"]) for row in rows]
     path.write_text("\n".join(lines) + "\n")
     columns = "rate_x[rad/s],rate_y[rad/s],rate_z[rad/s],force_x[m/s²],force_y[m/s²],force_z[m/s²]"
-    with pytest.raises(RecordingError, match=r"nothing in it has a time, .* with rate=100"):
+    with pytest.raises(RecordingError, match=r"nothing in it has a time, .* with --rate 100, or rate=100"):
         recorded_samples(path, columns=columns)
     with open_source(f"replay:{path}?speed=max", columns=columns) as source:
         while not source.ended:
