@@ -198,6 +198,7 @@ WIDTHS = (400, 1440)
 PAGES = (
     "README.html",
     "docs/site/index.html",
+    "docs/site/tutorials.html",
     "docs/installing.html",
     "source/lab/navigation/strapdown.html",
     "docs/command-line.html",
