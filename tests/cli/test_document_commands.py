@@ -42,7 +42,6 @@ WRITES = {
 NOT_RUN = {
     r"serve\b.*": "serves until it is stopped; the tests of the page serve",
     r".* --scheduler .*": "needs a cluster; tests/experiment/test_cluster.py has one",
-    r"scoreboard rtkx_walk --data .*": "needs the public data; tests/experiment/test_scoreboard.py",
     r"warm": "compiles for minutes; tests/cli/test_warm.py",
     r"cards new( my_sensor\.toml)?": "asks a person; tests/cli/test_cards_new_command.py has a terminal",
     r"record .*": "needs an X-Plane that runs; tests/cli/test_record_command.py has a stand-in",
