@@ -1,7 +1,8 @@
 """Pictures of the pages, light and dark, for the documents: `make pictures` writes ``docs/pictures/``.
 
 A server of its own is started, and Chromium opens each page on it. A picture is taken when the page has drawn
-what its words and curves say; nothing waits for a fixed time.
+what its words and curves say; nothing waits for a fixed time. Those of the notebooks are plots on the pages
+that `make docs` writes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -77,6 +78,17 @@ PICTURES = {
     "lessons": Picture(MONTREAL + "&tab=Errors&beside=Lessons", "Position error, east [m]", "Tuning R"),
 }
 """The pictures by the names of their files."""
+SITE = ROOT / "build/site"
+PLOTS = {
+    "01_tour": 3, "02_strapdown": 0, "03_sensor_errors": 1, "04_filter": 0, "05_tuning": 0,
+    "06_error_models": 0, "07_outages": 0, "08_own_flight": 0, "09_own_algorithm": 1, "10_many_runs": 1,
+    "11_live": 0,
+}  # fmt: skip
+"""For each notebook, which one of its outputs with plots is its picture: the one of its subject."""
+PLOT = (960, 540)
+"""Size of a plot's picture before it is halved [px]: the width of a notebook on the site, and 16:9."""
+SMALL = (PLOT[0] // 2, PLOT[1] // 2)
+DRAWN = "(canvas) => canvas.getContext('2d').getImageData(canvas.width >> 1, 20, 1, 1).data[3] === 255"
 
 
 @contextmanager
@@ -135,12 +147,78 @@ def photograph(page: Page, path: Path, height: int = HEIGHT) -> None:
     page.mouse.move(1, height - 1)  # over no button, whose tooltip would be there
     expect(page.get_by_role("tooltip")).to_have_count(0)
     page.wait_for_function(IDLE)
-    seen = [b"", page.screenshot()]
+    write(at_rest(page.screenshot), path)
+
+
+def at_rest(screenshot: Callable[[], bytes]) -> Image.Image:
+    """Return the picture of a screenshot that is repeated until nothing moves any more."""
+    seen = [b"", screenshot()]
     while seen[-1] != seen[-2] or len(seen) < ALIKE:
-        seen = [*(seen if seen[-1] == seen[-2] else seen[-1:]), page.screenshot()]
-    picture = Image.open(io.BytesIO(seen[-1])).convert("RGB")
-    few = picture.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        seen = [*(seen if seen[-1] == seen[-2] else seen[-1:]), screenshot()]
+    return Image.open(io.BytesIO(seen[-1])).convert("RGB")
+
+
+def write(picture: Image.Image, path: Path, method: Image.Quantize = Image.Quantize.MAXCOVERAGE) -> None:
+    """Write a picture with few colours."""
+    few = picture.quantize(COLOURS, method=method, dither=Image.Dither.NONE)
     few.save(path, optimize=True)
+
+
+def photograph_plot(page: Page, number: int, path: Path) -> None:
+    """Write the plots of an output on the page of a notebook, from the first one on.
+
+    Parameters
+    ----------
+    page
+        The page, open.
+    number
+        Which one of its outputs with plots, from 0.
+    path
+        The file.
+    """
+    output = page.locator(".output", has=page.locator("canvas")).nth(number)
+    output.scroll_into_view_if_needed()
+    canvas = output.locator("canvas").first
+    expect(canvas).to_be_visible()
+    page.wait_for_function(DRAWN, arg=canvas.element_handle())
+    found = at_rest(output.screenshot)
+    top = output.evaluate(
+        "(output, first) => first.getBoundingClientRect().top - output.getBoundingClientRect().top",
+        output.locator(".bk-Figure, .bk-GridPlot").first.element_handle(),
+    )
+    left = 16  # the line beside an output, and its distance
+    plots = found.crop((left, round(top), found.width, min(found.height, round(top) + PLOT[1])))
+    picture = Image.new("RGB", PLOT, plots.getpixel((plots.width - 1, 0)))
+    picture.paste(plots, ((PLOT[0] - plots.width) // 2, (PLOT[1] - plots.height) // 2))
+    # An octree keeps a large dark area of one colour, where a half of all pixels are shades.
+    write(picture.resize(SMALL, Image.Resampling.LANCZOS), path, Image.Quantize.FASTOCTREE)
+
+
+def make_of_notebooks(folder: Path, chromium: Browser) -> None:
+    """Write a plot of each notebook, light and dark, from the site.
+
+    Parameters
+    ----------
+    folder
+        Where the files ``NAME-light.png`` and ``NAME-dark.png`` are written.
+    chromium
+        The browser that draws them.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, number in PLOTS.items():
+        page_of_site = SITE / f"notebooks/{name}.html"
+        if not page_of_site.is_file():
+            sys.exit(f"{page_of_site}: does not exist; make docs writes it")
+        for theme in ("light", "dark"):
+            context = chromium.new_context(
+                viewport={"width": WIDTH, "height": HEIGHT}, color_scheme=theme, device_scale_factor=1
+            )
+            context.set_default_timeout(PATIENCE)
+            page = context.new_page()
+            page.goto(page_of_site.as_uri())
+            photograph_plot(page, number, folder / f"{name}-{theme}.png")
+            context.close()
+        print(f"{name}: light and dark")
 
 
 def make(names: list[str], folder: Path, chromium: Browser) -> None:
@@ -208,10 +286,15 @@ if __name__ == "__main__":
     parser.add_argument(
         "--every", type=Path, metavar="FOLDER", help="all pages instead, in three sizes, there"
     )
+    parser.add_argument(
+        "--notebooks", action="store_true", help="plots of the notebooks instead, from build/site"
+    )
     chosen = parser.parse_args()
     expect.set_options(timeout=PATIENCE)
     with browser() as opened:
         if chosen.every is not None:
             make_every(chosen.every, opened)
+        elif chosen.notebooks:
+            make_of_notebooks(FOLDER / "notebooks", opened)
         else:
             make(chosen.names or list(PICTURES), FOLDER, opened)

@@ -30,6 +30,17 @@ def test_every_picture_of_the_script_is_in_the_documents(script: ModuleType) -> 
     assert {path.name for path in script.FOLDER.glob("*.png")} == names
 
 
+def test_each_notebook_has_its_picture_on_the_page_of_the_tutorials(script: ModuleType) -> None:
+    stems = {path.stem for path in (ROOT / "notebooks").glob("*.py")}
+    assert set(script.PLOTS) == stems
+    found = {path.name for path in (script.FOLDER / "notebooks").glob("*.png")}
+    assert found == {f"{stem}-{theme}.png" for stem in stems for theme in ("light", "dark")}
+    text = (ROOT / "docs/site/tutorials.md").read_text("utf-8")
+    for stem in stems:
+        title, picture = f"[notebooks/{stem}.py](../../notebooks/{stem}.py)", f"notebooks/{stem}-light.png"
+        assert 0 < text.find(title) < text.find(picture) < text.find(title) + 400
+
+
 @pytest.mark.proof
 def test_a_page_is_taken_in_both_themes(script: ModuleType, chromium: Browser, tmp_path: Path) -> None:
     script.make(["missions"], tmp_path, chromium)

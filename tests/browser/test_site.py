@@ -198,6 +198,7 @@ WIDTHS = (400, 1440)
 PAGES = (
     "README.html",
     "docs/site/index.html",
+    "docs/site/tutorials.html",
     "docs/installing.html",
     "source/lab/navigation/strapdown.html",
     "docs/command-line.html",
@@ -303,6 +304,26 @@ def test_an_executed_notebook_has_its_plots_without_network(
     brightness = ImageStat.Stat(Image.open(BytesIO(plot.screenshot())).convert("L")).mean[0]
     assert brightness > 200 if theme == "light" else brightness < 60
     accessible(page, f"short notebook, {theme}, {width} px")
+
+
+@pytest.mark.proof
+@pytest.mark.browser
+@pytest.mark.parametrize("theme", THEMES)
+def test_a_plot_of_a_notebook_is_taken_in_the_theme(
+    short: Path, visit: Callable[[Path, str, int], Page], theme: str, tmp_path: Path
+) -> None:
+    spec = importlib.util.spec_from_file_location("pictures", ROOT / "docs/pictures.py")
+    assert spec is not None and spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    script.photograph_plot(visit(short, theme, 1440), 0, tmp_path / "plot.png")
+    picture = Image.open(tmp_path / "plot.png").convert("RGB")
+    assert picture.size == script.SMALL
+    brightness = ImageStat.Stat(picture.convert("L")).mean[0]
+    assert brightness > 200 if theme == "light" else brightness < 60
+    # The curve is a thin blue line.
+    blue = sum(count for count, (r, _, b) in picture.getcolors(2**20) or [] if b > r + 60)
+    assert 200 < blue < picture.width * picture.height / 20
 
 
 @pytest.mark.proof
