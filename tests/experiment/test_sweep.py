@@ -186,10 +186,10 @@ def test_two_settings_with_the_same_name_have_dimensions_of_their_own() -> None:
 def test_the_plot_shows_the_mean_of_the_runs_with_their_band(swept: Sweep) -> None:
     first = next(iter(swept.sel(r_scale=1.0).plot(["attitude heading"])))
     heading = swept.dataset.rms.sel(r_scale=1.0, quantity="attitude heading").sortby("noise_density")
-    curve = first.Curve.II
+    area, _, curve, _ = first
     assert np.allclose(curve.dimension_values(0), sorted(DENSITIES))
     assert np.allclose(curve.dimension_values(1), np.sqrt((heading**2).mean("seed")))
-    low, high = (first.Area.I.dimension_values(column) for column in (1, 2))
+    low, high = (area.dimension_values(column) for column in (1, 2))
     assert (low < curve.dimension_values(1)).all()
     assert np.allclose(high, heading.quantile(0.95, "seed"))
     assert len(swept.plot()) == 5
