@@ -45,7 +45,7 @@ SILENCE = 0.3
 ATTACKS_OF_A_SESSION = 100
 """After so many a new session is attacked: damaged ones take less and less."""
 
-VIEW_PATH = re.compile(r"viser/[\w-]{32}/")
+VIEW_PATH = re.compile(r"viser/\d+\.[\w-]{32}/")
 
 Attack = Callable[["Attacker"], Awaitable[None]]
 Broken = Callable[[str, Iterable[tuple[str, bytes]]], None]
@@ -127,8 +127,9 @@ class Attacker:
 
     async def _show_view(self, visitor: Visitor) -> None:
         """Wait until the 3-D view is there."""
-        while (found := VIEW_PATH.search(json.dumps(visitor.document))) is None:
-            await visitor.pull()
+        async with asyncio.timeout(ANSWER):
+            while (found := VIEW_PATH.search(json.dumps(visitor.document))) is None:
+                await visitor.pull()
         self.view = f"/{found[0]}"
 
     async def leave(self) -> None:

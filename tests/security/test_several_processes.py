@@ -8,8 +8,9 @@ import secrets
 import signal
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -22,6 +23,8 @@ from tests.browser.returning import RESTARTS, Student
 from tests.security.conftest import START, Served, serving
 
 pytestmark = pytest.mark.timeout(600)
+
+Run = Callable[[Awaitable[Any]], Any]
 
 FLIGHT = "mission=los_angeles&trajectory.imu_rate=50"
 
@@ -55,7 +58,7 @@ def browser_of(served: Served, number: int) -> str:
             return f"ins_lab_browser_{served.port}={value}"
 
 
-def test_visitors_are_spread_and_stay_with_their_process(two: Served) -> None:
+def test_visitors_are_spread_and_stay_with_their_process(two: Served, run: Run) -> None:
     async def visit() -> None:
         for number in range(2):
             opened = [Student(address(two), f"?{FLIGHT}", browser_of(two, number)) for _ in range(2)]
@@ -67,10 +70,10 @@ def test_visitors_are_spread_and_stay_with_their_process(two: Served) -> None:
                 page.close()
             await _becomes(two, [0, 0])
 
-    asyncio.run(visit())
+    run(visit())
 
 
-def test_both_have_the_same_missions(two: Served, own_missions: Path) -> None:
+def test_both_have_the_same_missions(two: Served, own_missions: Path, run: Run) -> None:
     async def visit() -> None:
         name = "seen_by_both"
         add_mission(mission("los_angeles").recording, name, title="Seen by both", overwrite=True)
@@ -80,10 +83,10 @@ def test_both_have_the_same_missions(two: Served, own_missions: Path) -> None:
             assert f"mission={name}" in page.search
             page.close()
 
-    asyncio.run(visit())
+    run(visit())
 
 
-def test_a_student_of_a_class_and_who_opens_live_are_sent_to_the_first(two: Served) -> None:
+def test_a_student_of_a_class_and_who_opens_live_are_sent_to_the_first(two: Served, run: Run) -> None:
     async def visit() -> None:
         token = re.search(r"/teach\?key=([\w-]+)", two.log.read_text())
         assert token is not None
@@ -110,11 +113,11 @@ def test_a_student_of_a_class_and_who_opens_live_are_sent_to_the_first(two: Serv
         for page in (teacher, student):
             page.close()
 
-    asyncio.run(visit())
+    run(visit())
 
 
 @pytest.mark.proof
-def test_a_process_that_ends_is_started_again_and_the_others_do_not_notice(two: Served) -> None:
+def test_a_process_that_ends_is_started_again_and_the_others_do_not_notice(two: Served, run: Run) -> None:
     async def visit() -> None:
         await _becomes(two, [0, 0])
         first, second = (Student(address(two), f"?{FLIGHT}", browser_of(two, one)) for one in range(2))
@@ -128,11 +131,11 @@ def test_a_process_that_ends_is_started_again_and_the_others_do_not_notice(two: 
         for page in (first, back):
             page.close()
 
-    asyncio.run(visit())
+    run(visit())
 
 
 @pytest.mark.proof
-def test_all_end_together_and_tell_their_pages(tmp_path: Path) -> None:
+def test_all_end_together_and_tell_their_pages(tmp_path: Path, run: Run) -> None:
     async def visit(served: Served) -> list[int]:
         opened = [Student(address(served), f"?{FLIGHT}", browser_of(served, one)) for one in range(2)]
         for page in opened:
@@ -142,7 +145,7 @@ def test_all_end_together_and_tell_their_pages(tmp_path: Path) -> None:
 
     with serving(tmp_path, "--processes", "2") as served:
         parts = served.process.children(recursive=True)
-        assert asyncio.run(visit(served)) == [RESTARTS, RESTARTS]
+        assert run(visit(served)) == [RESTARTS, RESTARTS]
         assert served.popen.wait(START) == -signal.SIGTERM
         _, alive = psutil.wait_procs(parts, START)
         assert alive == []
