@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
+from dashboards.upload import without_folder
 from lab.base.blas_threads import keep_one_blas_thread
 from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
@@ -201,7 +202,7 @@ def attempt(work: Callable[[], Any]) -> Outcome:
     except SupersededError:
         raise
     except (SettingError, MissionError, ValueError) as error:
-        return Outcome(problem=str(error))
+        return Outcome(problem=without_folder(str(error)))
     except MemoryError:
         return Outcome(problem="This run needs more memory than is available. A lower IMU rate needs less.")
     except Exception as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -34,6 +35,11 @@ seconds after an upload, and never after a refused one.
 """
 PREFIX = "ins-lab-upload-"
 """Prefix of the folders of uploads, in the folder for temporary files; the process number follows."""
+
+
+def without_folder(text: str) -> str:
+    """Return a text in which uploaded files stand by their names: no visitor is told where they were put."""
+    return re.sub(rf"{re.escape(tempfile.gettempdir())}/{PREFIX}[^/]+/\d+/", "", text)
 
 
 class Upload(pmui.FileInput):

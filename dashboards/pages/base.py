@@ -110,6 +110,21 @@ class Page(ABC):
         """Release resources that are not freed automatically."""
 
 
+class OwnPage(Page):
+    """A page with content of its own, such as what it finds in a visitor's file; it shows no result."""
+
+    depends_on_window = False
+    over_time = False
+
+    def draw(self, _result: Result) -> None:
+        """Do nothing."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the page shows all it can show without a result: it needs none."""
+        return True
+
+
 def not_drawn(title: str, error: Exception) -> str:
     """Return the message about a page that could not be drawn."""
     return (

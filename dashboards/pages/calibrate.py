@@ -7,18 +7,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Self
 
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.exchange import Download
-from dashboards.pages.base import Page
+from dashboards.pages.base import OwnPage
+from dashboards.pages.missions.job import Job
 from dashboards.pages.summary import TABLE_STYLE
-from dashboards.sending import soon, together
 from dashboards.session import Session
-from dashboards.upload import MAX_BYTES, Upload
+from dashboards.upload import MAX_BYTES, Upload, without_folder
 from lab.analysis.calibration.imu_calibration import ImuCalibration
 from lab.base.progress import Progress
 from lab.experiment.calibration import (
@@ -28,8 +27,6 @@ from lab.experiment.calibration import (
     calibrate_mounting,
     card_of,
 )
-from lab.experiment.experiment import Experiment
-from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
 
 KINDS: dict[str, Callable[[list[Path]], Found]] = {
@@ -49,25 +46,13 @@ _WORDS = (
 )
 
 
-class _Task(NamedTuple):
-    """What to find, and in which files or in which experiment."""
-
-    kind: str
-    files: list[Path]
-    experiment: Experiment | None
-
-
-class Calibrate(Page):
-    """Takes a log, and finds constant errors in it; it needs no result."""
+class Calibrate(OwnPage):
+    """Takes a log, and finds constant errors in it."""
 
     title = "Calibration"
-    depends_on_window = False
-    over_time = False
 
     def __init__(self, axis: TimeAxis, session: Session) -> None:
         self._session = session
-        self._document = pn.state.curdoc
-        self._work: LatestWins[_Task] = LatestWins(self._find, self._deliver, LONG, at_once=True)
         self.found: Found | None = None
         super().__init__(axis)
 
@@ -81,8 +66,9 @@ class Calibrate(Page):
         self._kind = pmui.RadioButtonGroup(
             options=list(KINDS), value="IMU", label="What the log is of", size="small", margin=(10, 8)
         )
+        self.job = Job(closeable=True)
         self._upload = Upload(
-            self._arrived, self.say, label="Choose or drop a log", variant="outlined", margin=(10, 8)
+            self._arrived, self.job.say, label="Choose or drop a log", variant="outlined", margin=(10, 8)
         )
         self._mounting = pmui.Button(
             label="Mounting in the drive of this page",
@@ -112,62 +98,37 @@ class Calibrate(Page):
         )
         return pn.Column(
             pn.FlexBox(self._kind, self._upload, self._mounting, margin=(0, 12), align_items="center"),
+            pn.Column(self.job.view, margin=(0, 16), sizing_mode="stretch_width"),
             pn.FlexBox(self._file, self._card, margin=(0, 12)),
             self.words,
             sizing_mode="stretch_width",
             margin=0,
         )
 
-    def draw(self, _result: Result) -> None:
-        """Do nothing: the page does not depend on a result."""
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether the page shows all it can show without a result: it needs none."""
-        return True
-
-    def say(self, text: str) -> None:
-        """Show a sentence in place of a calibration."""
-        self.found = None
-        self._file.visible = self._card.visible = False
-        self.words.object = f"<p>{escape(text)}</p>"
-
     def close(self) -> None:
         """End the work, and delete the files."""
-        self._work.close()
+        self.job.close()
         self._upload.delete()
 
     def _arrived(self, paths: list[Path]) -> None:
-        self.say("Finding constant errors …")
-        self._work.submit(_Task(str(self._kind.value), paths, None))
+        find = KINDS[str(self._kind.value)]
+        self._start("Finding constant errors", lambda _progress: find(paths))
 
     def _of_drive(self) -> None:
-        self.say("Finding the mounting …")
-        self._work.submit(_Task("Mounting", [], self._session.experiment.copy()))
+        experiment = self._session.experiment.copy()
+        self._start("Finding the mounting", lambda progress: calibrate_mounting(experiment, progress))
 
-    def _find(self, task: _Task, progress: Progress) -> Outcome:
-        if task.experiment is not None:
-            experiment = task.experiment
-            return attempt(lambda: calibrate_mounting(experiment, progress))
-        return attempt(lambda: KINDS[task.kind](task.files))
+    def _start(self, words: str, work: Callable[[Progress], Found]) -> None:
+        self.found = None
+        self._file.visible = self._card.visible = False
+        self.words.object = ""
+        self.job.start(words, work, self._show)
 
-    def _deliver(self, task: _Task, outcome: Outcome) -> None:
-        assert self._document is not None
-        soon(self._document, lambda: self._show(task, outcome))
-
-    def _show(self, task: _Task, outcome: Outcome) -> None:
-        assert self._document is not None
-        # A visitor knows the file by its name, and not where it was put.
-        place = f"{task.files[0].parent}/" if task.files else "\0"
-        with together(self._document):
-            if outcome.problem:
-                self.say(outcome.problem.replace(place, ""))
-                return
-            found: Found = outcome.result
-            self.found = found
-            self.words.object = found_html(found).replace(place, "")
-            self._file.visible = not found.calibration.is_empty
-            self._card.visible = isinstance(found, ImuCalibration) and bool(found.stated)
+    def _show(self, found: Found) -> None:
+        self.found = found
+        self.words.object = without_folder(found_html(found))
+        self._file.visible = not found.calibration.is_empty
+        self._card.visible = isinstance(found, ImuCalibration) and bool(found.stated)
 
     def _calibration(self) -> io.BytesIO:
         known = self.found

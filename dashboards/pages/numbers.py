@@ -12,16 +12,15 @@ import panel_material_ui as pmui
 
 from dashboards.exchange import Download
 from dashboards.mission_titles import mission_titles
-from dashboards.pages.base import Page
+from dashboards.pages.base import OwnPage
 from dashboards.pages.missions.job import Job
 from dashboards.pages.summary import TABLE_STYLE
-from dashboards.upload import MAX_BYTES, Upload
+from dashboards.upload import MAX_BYTES, Upload, without_folder
 from lab.base.files.mission_error import MissionError
 from lab.base.progress import Progress
 from lab.experiment.filter_programs import PROGRAMS, lines
 from lab.experiment.imu_numbers import numbers
 from lab.experiment.number_table import HEADS, UNKNOWN, ImuNumbers
-from lab.experiment.result import Result
 from lab.missions import LogMission, missions
 from lab.views.figures import TimeAxis
 
@@ -41,12 +40,10 @@ pre { font: 12.5px/1.5 "Roboto Mono", ui-monospace, monospace; padding: 10px 12p
 """
 
 
-class Numbers(Page):
-    """Takes a log at rest and one of a drive, and shows the numbers; it needs no result."""
+class Numbers(OwnPage):
+    """Takes a log at rest and one of a drive, and shows the numbers."""
 
     title = "Numbers"
-    depends_on_window = False
-    over_time = False
 
     def __init__(self, axis: TimeAxis) -> None:
         self._files: dict[str, Path] = {}
@@ -103,14 +100,6 @@ class Numbers(Page):
             sizing_mode="stretch_width",
             margin=0,
         )
-
-    def draw(self, _result: Result) -> None:
-        """Do nothing: the page does not depend on a result."""
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether the page shows all it can show without a result: it needs none."""
-        return True
 
     def appear(self) -> None:
         """Offer the logs that there are now."""
@@ -178,12 +167,10 @@ class Numbers(Page):
 
     def _seen(self, text: str) -> str:
         """Return a text with the names of files in place of where they are, which no visitor is told."""
-        for path in self._files.values():
-            text = text.replace(f"{path.parent}/", "")
         for name, one in missions().items():
             if isinstance(one, LogMission):
                 text = text.replace(str(one.recording_path), name)
-        return text
+        return without_folder(text)
 
     def _show(self, found: ImuNumbers) -> None:
         self._found = found

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from html import escape
 from pathlib import Path
 
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import LONG, LatestWins, Outcome, attempt
-from dashboards.pages.base import Page
+from dashboards.pages.base import OwnPage
+from dashboards.pages.missions.job import Job
 from dashboards.pages.summary import TABLE_STYLE
-from dashboards.sending import soon, together
-from dashboards.upload import MAX_BYTES, Upload
-from lab.base.progress import Progress
+from dashboards.upload import MAX_BYTES, Upload, without_folder
+from lab.analysis.verdicts.foreign_verdict import ForeignVerdict
 from lab.data.filter_logs import KINDS
 from lab.experiment.judged_log import judge
-from lab.experiment.result import Result
-from lab.views.figures import TimeAxis
 from lab.views.foreign_filter import ForeignFigure, foreign_html
 
 _WORDS = (
@@ -26,23 +22,17 @@ _WORDS = (
 )
 
 
-class OtherFilters(Page):
-    """Takes a log, and judges the filter in it; it needs no result."""
+class OtherFilters(OwnPage):
+    """Takes a log, and judges the filter in it."""
 
     title = "Other filters"
-    depends_on_window = False
-    over_time = False
-
-    def __init__(self, axis: TimeAxis) -> None:
-        self._document = pn.state.curdoc
-        self._work: LatestWins[Path] = LatestWins(self._judge, self._deliver, LONG, at_once=True)
-        super().__init__(axis)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the button, the words and the place of the figure."""
+        self.job = Job(closeable=True)
         self._upload = Upload(
             self._arrived,
-            self.say,
+            self.job.say,
             most=1,
             label="Choose or drop a log",
             variant="outlined",
@@ -59,45 +49,31 @@ class OtherFilters(Page):
             self._drawn_figure.figure, sizing_mode="stretch_width", height=300, margin=(4, 16), visible=False
         )
         return pn.Column(
-            self._upload, self._smoother, self._plot, self.words, sizing_mode="stretch_width", margin=0
+            self._upload,
+            self._smoother,
+            pn.Column(self.job.view, margin=(0, 16), sizing_mode="stretch_width"),
+            self._plot,
+            self.words,
+            sizing_mode="stretch_width",
+            margin=0,
         )
-
-    def draw(self, _result: Result) -> None:
-        """Do nothing: the page does not depend on a result."""
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether the page shows all it can show without a result: it needs none."""
-        return True
-
-    def say(self, text: str) -> None:
-        """Show a sentence in place of a verdict."""
-        self._plot.visible = False
-        self.words.object = f"<p>{escape(text)}</p>"
 
     def close(self) -> None:
         """End the work, and delete the file."""
-        self._work.close()
+        self.job.close()
         self._upload.delete()
 
     def _arrived(self, paths: list[Path]) -> None:
-        self.say("Judging the filter …")
-        self._work.submit(paths[0])
+        smoother = bool(self._smoother.value)
+        self._plot.visible = False
+        self.words.object = ""
+        self.job.start(
+            "Judging the filter",
+            lambda progress: judge(paths[0], smoother=smoother, progress=progress),
+            self._show,
+        )
 
-    def _judge(self, path: Path, progress: Progress) -> Outcome:
-        return attempt(lambda: judge(path, smoother=bool(self._smoother.value), progress=progress))
-
-    def _deliver(self, path: Path, outcome: Outcome) -> None:
-        assert self._document is not None
-        soon(self._document, lambda: self._show(path, outcome))
-
-    def _show(self, path: Path, outcome: Outcome) -> None:
-        assert self._document is not None
-        place = f"{path.parent}/"  # a visitor knows the file by its name, and not where it was put
-        with together(self._document):
-            if outcome.problem:
-                self.say(outcome.problem.replace(place, ""))
-                return
-            self._plot.object = self._drawn_figure.show(outcome.result)
-            self._plot.visible = True
-            self.words.object = foreign_html(outcome.result).replace(place, "")
+    def _show(self, found: ForeignVerdict) -> None:
+        self._plot.object = self._drawn_figure.show(found)
+        self._plot.visible = True
+        self.words.object = without_folder(foreign_html(found))

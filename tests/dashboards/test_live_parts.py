@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bokeh.document.events import DocumentChangedEvent
+from walking import send
 
 import dashboards.pages.live.allan_part as allan_module
 import dashboards.pages.live.twin_part as twin_part_module
@@ -103,13 +104,13 @@ def test_a_calibration_file_is_applied_to_the_source(one: Opened, tmp_path: Path
     part, source = page._axes, station.source
     wrong, file = tmp_path / "wrong.toml", tmp_path / "sensor.toml"
     wrong.write_text("[gyro]\nbias = [0, 0, 90]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n")
-    part._calibrate([wrong])
+    send(part._calibration, wrong)
     assert part._notice.text.startswith("wrong.toml: gyro.bias is beyond 50")
     assert source.calibration is None
     one.until(lambda: source.end.imu > 100)
     before = source.last(0.3).imu["rate"].mean(axis=0)
     file.write_text("[gyro]\nbias = [5, 0, -5]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n")
-    part._calibrate([file])
+    send(part._calibration, file)
     assert "gyro bias and matrix" in part._notice.text
     assert source.calibration is not None
     end = source.end.imu

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from panel.io.state import set_curdoc
 from sensor_logs import IMU, tables, write, write_csv
-from walking import PATIENCE, PAUSE, Walk, walking
+from walking import Walk, send, walking
 
 from dashboards.pages import numbers as page_of_numbers
 from dashboards.pages.numbers import NO_DRIVE, OWN_REST, Numbers
+from dashboards.upload import PREFIX
 from lab.experiment.experiment import Experiment
 from lab.experiment.imu_numbers import numbers
 
@@ -47,19 +47,10 @@ def part(walk: Walk) -> Numbers:
     return found
 
 
-def wait(walk: Walk, happened: Callable[[], bool]) -> None:
-    until = time.monotonic() + PATIENCE
-    while not happened():
-        assert time.monotonic() < until
-        time.sleep(PAUSE)
-        walk.settle()
-    walk.settle()
-
-
 def find(walk: Walk) -> None:
     with set_curdoc(walk._document):
         part(walk).start()
-    wait(walk, lambda: not part(walk).job.busy)
+    walk.wait(lambda: not part(walk).job.busy)
 
 
 def still(path: Path) -> Path:
@@ -71,14 +62,12 @@ def still(path: Path) -> Path:
 
 def upload(walk: Walk, name: str, path: Path) -> None:
     with set_curdoc(walk._document):
-        part(walk)._uploads[name]._arrived([path])
+        send(part(walk)._uploads[name], path)
     walk.settle()
 
 
 def test_a_file_at_rest_gives_its_noise_and_lines_to_paste(walk: Walk, tmp_path: Path) -> None:
-    folder = tmp_path / "where nobody is told"
-    folder.mkdir()
-    upload(walk, "still", still(folder / "still.csv"))
+    upload(walk, "still", still(tmp_path / "still.csv"))
     find(walk)
     row = part(walk)._found.row("gyro", "white noise")  # type: ignore[union-attr]
     assert np.radians(row.used) == pytest.approx(NOISE / np.sqrt(100), rel=0.02)  # N = σ √Δt
@@ -90,7 +79,7 @@ def test_a_file_at_rest_gives_its_noise_and_lines_to_paste(walk: Walk, tmp_path:
     walk.settle()
     assert "EKF2_GYR_NOISE" in walk.text()
     assert part(walk)._lines.encode() == part(walk)._download.callback().getvalue()
-    assert str(folder) not in walk.text() + part(walk)._lines
+    assert PREFIX not in walk.text() + part(walk)._lines  # nobody is told where the file was put
     assert not walk.complaints()
 
 
@@ -117,7 +106,7 @@ def test_what_cannot_be_used_is_said_and_the_numbers_stay(walk: Walk, library: P
     upload(walk, "still", notes)
     find(walk)
     assert "notes.csv" in part(walk).job._after.text
-    assert str(tmp_path) not in part(walk).job._after.text
+    assert PREFIX not in part(walk).job._after.text
     assert "At rest: still.csv" in walk.text()
     for select, sent in (("_still", "../../etc/passwd"), ("_drive", "montreal"), ("_drive", "nowhere")):
         with set_curdoc(walk._document):
@@ -146,5 +135,5 @@ def test_what_is_found_after_the_page_has_closed_is_not_shown(
     with set_curdoc(walk._document):
         page.start()
         page.close()
-    wait(walk, lambda: not page.job.busy)
+    walk.wait(lambda: not page.job.busy)
     assert page._found is None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -43,16 +43,7 @@ def part(walk: Walk) -> Allan:
 def upload(walk: Walk, *files: Path) -> None:
     with set_curdoc(walk._document):
         part(walk)._upload._read(list(files))
-    wait(walk, lambda: not part(walk)._upload._job.busy)
-
-
-def wait(walk: Walk, happened: Callable[[], bool]) -> None:
-    until = time.monotonic() + PATIENCE
-    while not happened():
-        assert time.monotonic() < until
-        time.sleep(PAUSE)
-        walk.settle()
-    walk.settle()
+    walk.wait(lambda: not part(walk)._upload._job.busy)
 
 
 def recording(path: Path, gyros_alone: bool = False, moves: bool = False) -> Path:
@@ -77,7 +68,7 @@ def test_a_recording_takes_the_place_of_the_simulation_and_becomes_a_card(walk: 
     maker = part(walk)._upload._maker
     with set_curdoc(walk._document):
         maker.start()
-    wait(walk, lambda: maker.download.visible)
+    walk.wait(lambda: maker.download.visible)
     path = tmp_path / "cards.toml"
     path.write_bytes(maker._file().getvalue())
     (made,) = read_cards(path).values()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from dashboards.computing import Outcome, run
 from dashboards.page import PAGES, SimulatorPage
 from dashboards.pages.base import Page
 from dashboards.pages.computed import ComputedPage
+from dashboards.upload import Upload
 from dashboards.upstream.server import speed_up
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -34,6 +36,12 @@ PAUSE = 0.005
 """Time between two looks whether a page has worked out what it shows [s]: a loop that only looks takes a
 processor, and the interpreter from the thread that works."""
 TITLES = tuple(page.title for page in PAGES)
+
+
+def send(upload: Upload, path: Path) -> None:
+    """Send a file as a browser does, in one piece."""
+    upload._process_chunk({"name": path.name, "chunk": 1, "data": path.read_bytes()})
+    upload._flush_buffer()
 
 
 class Walk:
@@ -84,6 +92,15 @@ class Walk:
         """Write the address, and return what the browser is sent of it and of the history."""
         self.page._address._write()
         return self.page._address.bar.shown
+
+    def wait(self, happened: Callable[[], bool]) -> None:
+        """Let the work of other threads arrive until something has happened."""
+        until = time.monotonic() + PATIENCE
+        while not happened():
+            assert time.monotonic() < until
+            time.sleep(PAUSE)
+            self.settle()
+        self.settle()
 
     def settle(self) -> None:
         """Do what the document was asked to do later, until nothing is worked on any more."""

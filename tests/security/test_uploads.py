@@ -18,7 +18,7 @@ from bokeh.server.callbacks import NextTickCallback
 from panel.io.state import set_curdoc
 
 from dashboards import exchange
-from dashboards.computing import LatestWins
+from dashboards.computing import LatestWins, attempt
 from dashboards.exchange import Files
 from dashboards.held_links import HeldLinks
 from dashboards.pages.missions.job import Job
@@ -26,6 +26,7 @@ from dashboards.pages.missions.library import Library
 from dashboards.session import Session
 from dashboards.upload import PREFIX, Upload, remove_abandoned
 from dashboards.visitors import VARIABLE
+from lab.analysis.rest import read_log
 from lab.base.files.locks import folder_lock, hold
 from lab.missions import MissionError, describe_mission, missions
 from lab.missions import library as mission_library
@@ -81,6 +82,18 @@ def test_a_piece_that_is_no_bytes_is_empty(temporary: Path, data: object) -> Non
     upload._process_chunk({"name": "a.csv", "chunk": 1, "data": data})
     upload._flush_buffer()
     assert [path.stat().st_size for path in arrived] == [0]
+    upload.delete()
+
+
+def test_no_error_tells_where_a_file_was_put(temporary: Path) -> None:
+    """Whatever page reads it: what is wrong goes the same way."""
+    arrived: list[Path] = []
+    upload = Upload(arrived.extend, print)
+    upload._process_chunk({"name": "a.csv", "chunk": 1, "data": b"a,b\n1,2\n"})
+    upload._flush_buffer()
+    problem = attempt(lambda: read_log(arrived)).problem
+    assert problem.startswith("a.csv: ")
+    assert str(temporary) not in problem
     upload.delete()
 
 

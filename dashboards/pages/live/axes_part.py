@@ -15,7 +15,7 @@ from dashboards.pages.live.field_part import FieldPart
 from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.style import WHOLE
-from dashboards.upload import Upload
+from dashboards.upload import Upload, without_folder
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.toml_file import MAX_BYTES
 from lab.data.log.calibration import read_calibration
@@ -232,7 +232,7 @@ class AxesPart(PartOfWatched):
         try:
             known = read_calibration(files[0])
         except MissionError as error:
-            self._notice.say(str(error).replace(f"{files[0].parent}/", ""))
+            self._notice.say(without_folder(str(error)))
             return
         station.source.calibration = known
         self._notice.say(

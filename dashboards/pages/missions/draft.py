@@ -18,6 +18,7 @@ from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
 from dashboards.session import Session
 from dashboards.style import WHOLE
+from dashboards.upload import without_folder
 from lab.base.progress import Progress
 from lab.data.formats import may_be_table, read_raw
 from lab.data.log.sensor_log import SensorLog
@@ -195,7 +196,7 @@ class Draft:
                 alone = _log_alone(paths, axes) if raw is None else None
                 if alone is not None:
                     return _Read(None, alone, "")
-                text = self._columns.located(_without_folder(error, paths))
+                text = self._columns.located(without_folder(str(error)))
                 if flight is not None and flight.unmeasured:
                     return _Read(None, None, text, flight)
                 if proposed:
@@ -318,7 +319,7 @@ def _log_of(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | N
     try:
         return device_log(read.paths[0], axes=read.axes), read.log_refused
     except (ValueError, OSError) as error:  # of the log, the device or the recording
-        return None, _without_folder(error, read.paths)
+        return None, without_folder(str(error))
 
 
 def _proposals(
@@ -346,12 +347,7 @@ def _log_alone(paths: Sequence[Path], axes: Sequence[str]) -> SensorLog | None:
     try:
         return device_log(paths[0], axes=axes)
     except (ValueError, OSError) as error:  # of the log, the device or the recording
-        raise MissionError(_without_folder(error, paths)) from error
-
-
-def _without_folder(error: Exception, paths: Sequence[Path]) -> str:
-    """Return a message without the folder of the upload."""
-    return str(error).replace(f"{paths[0].parent}/" if paths else "\0", "")
+        raise MissionError(str(error)) from error
 
 
 def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:
