@@ -13,11 +13,12 @@ import hmac
 import json
 import os
 import secrets
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from lab.base.files.atomic_file import atomic_file
 
 VALID = 900.0
 """Time for which a handover is taken [s]: a restart with an update of packages takes some minutes."""
@@ -109,23 +110,12 @@ class Handover:
             "classes": classes,
         }
         with contextlib.suppress(OSError):  # a folder that cannot be written: the next server begins anew
-            _write(self._path, json.dumps(parts).encode())
+            self._path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            with atomic_file(self._path, private=True) as file:
+                file.write(json.dumps(parts).encode())
 
     def _fingerprint(self, cookie: str) -> bytes:
         return hmac.new(cookie.encode(), self._password, "sha256").hexdigest().encode()
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file that appears whole, and that only the user can read."""
-    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from bokeh.models.ranges import Range1d
-from bokeh.plotting import figure
 
 from lab.base.arrays import FloatArray
 from lab.views import quantities
-from lab.views.parcel import Parcel
-from lab.views.rolling_plot import RollingPlot
+from lab.views.rolling_plot import RollingFigures, RollingPlot
 
 LABELS = ("lab", "own", "device", "truth")
 """Labels of the curves, short on a phone: lab, one's own algorithm, the device itself, truth."""
@@ -20,40 +17,30 @@ _HALF_TURN = 180.0
 """Step of an angle from which it has passed half a turn, and not moved [°]."""
 
 
-class LiveAttitudeFigures:
+class LiveAttitudeFigures(RollingFigures):
     """Three plots over the same rolling time: roll, pitch, heading.
 
     Parameters
     ----------
     window
         Length of time that is shown [s].
-
-    Attributes
-    ----------
-    figures : list of figure
-        Roll, pitch, heading.
     """
 
     def __init__(self, window: float) -> None:
-        self.window = window
-        ages = Range1d(start=window, end=0.0, name="live attitude ages")
-        self._parcel = Parcel()
+        super().__init__(window, "live attitude ages")
         legend = {label: (label,) for label in LABELS}
-        self._plots = [
-            RollingPlot(title, "°", LABELS, ages, self._parcel, least=_LEAST, colours=_COLOURS, legend=legend)
+        self._hold(
+            RollingPlot(
+                title, "°", LABELS, self._range, self._parcel, least=_LEAST, colours=_COLOURS, legend=legend
+            )
             for title in ("Roll of all", "Pitch of all", "Heading of all")
-        ]
-        self._ages = self._parcel.number(ages)
-        self._parcel.seal()
+        )
         self._last = np.full((len(LABELS), 3), np.nan)
-        self.figures: list[figure] = [plot.figure for plot in self._plots]
-        self._plots[0].source.tags = [self._parcel.carrier]
 
     def clear(self) -> None:
         """Forget all rows, as for another source; drawn with the next `show`."""
         self._last[:] = np.nan
-        for plot in self._plots:
-            plot.clear()
+        super().clear()
 
     def add(self, time: FloatArray, euler: FloatArray) -> None:
         """Append attitudes.
@@ -71,21 +58,5 @@ class LiveAttitudeFigures:
         steps = np.abs(np.diff(shown, axis=0, prepend=self._last[None]))
         self._last = shown[-1].copy()
         shown[steps > _HALF_TURN] = np.nan  # no line across the plot where an angle passes half a turn
-        for number, plot in enumerate(self._plots):
+        for number, plot in enumerate(self._drawn):
             plot.add(time, shown[:, :, number], self.window)
-
-    def show(self, now: float) -> None:
-        """Move the window to a time [s], and send what was added."""
-        for plot in self._plots:
-            plot.move(now, self.window)
-        self._parcel.send()
-
-    @property
-    def taken(self) -> bool:
-        """Whether the browser has drawn what was sent last."""
-        return self._parcel.taken
-
-    def widen(self, window: float) -> None:
-        """Show another length of time [s]."""
-        self.window = window
-        self._parcel.set(self._ages, start=window)

@@ -15,10 +15,17 @@ from lab.base.files.temporary_files import TEMPORARY, clear
 
 
 @contextlib.contextmanager
-def atomic_file(path: Path) -> Iterator[BinaryIO]:
+def atomic_file(path: Path, *, private: bool = False) -> Iterator[BinaryIO]:
     """Open a file for writing bytes; it takes its name only when everything has been written.
 
     What killed processes have left of the same file is removed.
+
+    Parameters
+    ----------
+    path
+        The file.
+    private
+        Whether only the user can read it.
 
     Raises
     ------
@@ -33,10 +40,11 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
             with contextlib.suppress(OSError):  # not every file system knows locks
                 locked(file)  # so that no sweep removes it, however long writing takes
             yield file
-        # mkstemp makes files only their owner can read; give it the permissions of an ordinary new file.
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(temporary).chmod(0o666 & ~umask)
+        # mkstemp makes files only their owner can read; others get the permissions of an ordinary new file.
+        if not private:
+            umask = os.umask(0)
+            os.umask(umask)
+            Path(temporary).chmod(0o666 & ~umask)
         Path(temporary).replace(path)
     except BaseException as error:
         Path(temporary).unlink(missing_ok=True)

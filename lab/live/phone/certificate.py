@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import ipaddress
-import os
-import tempfile
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
+
+from lab.base.files.atomic_file import atomic_file
 
 if TYPE_CHECKING:
     from cryptography.x509 import GeneralName
@@ -59,14 +59,8 @@ def certificate_file(names: Iterable[str], folder: Path | None = None) -> Path:
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     old = sorted((known or set()) - wanted)[: max(_MOST_NAMES - len(wanted), 0)]
     content = _made(sorted(wanted) + old)
-    handle, temporary = tempfile.mkstemp(dir=folder, prefix=f".{_FILE}.")  # readable by its owner only
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with atomic_file(path, private=True) as file:
+        file.write(content)
     return path
 
 
