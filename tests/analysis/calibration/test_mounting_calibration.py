@@ -62,7 +62,7 @@ def test_a_fifth_of_a_degree_is_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.proof
-def test_sigma_of_the_angles_is_true_over_drives(tmp_path: Path) -> None:
+def test_sigma_of_the_angles_is_at_most_cautious_over_drives(tmp_path: Path) -> None:
     off = []
     for seed in range(40):
         angles = np.random.default_rng(seed).normal(scale=0.5, size=2)
