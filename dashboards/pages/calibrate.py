@@ -121,7 +121,7 @@ class Calibrate(OwnPage):
     def _start(self, words: str, work: Callable[[Progress], Found]) -> None:
         self.found = None
         self._file.visible = self._card.visible = False
-        self.words.object = ""
+        self.words.object = _WORDS
         self.job.start(words, work, self._show)
 
     def _show(self, found: Found) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.base import OwnPage
+from dashboards.pages.base import OwnPage, hideable
 from dashboards.pages.missions.job import Job
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.upload import MAX_BYTES, Upload, without_folder
@@ -45,9 +45,10 @@ class OtherFilters(OwnPage):
             _WORDS, sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE]
         )
         self._drawn_figure = ForeignFigure()
-        self._plot = pn.pane.Bokeh(
-            self._drawn_figure.figure, sizing_mode="stretch_width", height=300, margin=(4, 16), visible=False
+        self._pane = pn.pane.Bokeh(
+            self._drawn_figure.figure, sizing_mode="stretch_width", height=300, margin=(4, 16)
         )
+        self._plot = hideable(self._pane)
         return pn.Column(
             self._upload,
             self._smoother,
@@ -66,7 +67,7 @@ class OtherFilters(OwnPage):
     def _arrived(self, paths: list[Path]) -> None:
         smoother = bool(self._smoother.value)
         self._plot.visible = False
-        self.words.object = ""
+        self.words.object = _WORDS
         self.job.start(
             "Judging the filter",
             lambda progress: judge(paths[0], smoother=smoother, progress=progress),
@@ -74,6 +75,6 @@ class OtherFilters(OwnPage):
         )
 
     def _show(self, found: ForeignVerdict) -> None:
-        self._plot.object = self._drawn_figure.show(found)
+        self._pane.object = self._drawn_figure.show(found)
         self._plot.visible = True
         self.words.object = without_folder(foreign_html(found))
