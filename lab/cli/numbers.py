@@ -49,7 +49,7 @@ def numbers(
 ) -> None:
     """Show the noise of an IMU at rest and in motion, why they differ, and what a filter should assume."""
     from lab.experiment import filter_programs, imu_numbers  # noqa: PLC0415 - help does not need them
-    from lab.experiment.log_file import opened  # noqa: PLC0415 - beside them
+    from lab.experiment.log_file import called, opened  # noqa: PLC0415 - beside them
 
     if static is None and moving is None:
         raise CommandError("numbers needs --static FILE, --moving MISSION|FILE, or both")
@@ -63,7 +63,11 @@ def numbers(
     if as_json:
         from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
 
-        print_json({**origin_of(chosen), **found.to_dict(), "program": program, "lines": lines or None})
+        origin = origin_of(chosen)
+        if chosen is not None:
+            name = called(chosen.mission)
+            origin |= {"mission": name, "settings": {**origin["settings"], "mission": name}}
+        print_json({**origin, **found.to_dict(), "program": program, "lines": lines or None})
     elif program is not None:
         print(lines)
     else:
