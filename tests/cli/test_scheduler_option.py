@@ -26,6 +26,8 @@ def test_a_scheduler_is_named_by_its_file_or_its_address(tmp_path: Path) -> None
             [ask(name, *many, *more, *where) for where in (("--scheduler", str(file)), ())]
             for name, more in (("ensemble", ()), ("sweep", over), ("outage", ("--seconds", "20")))
         ]
+    for answer in (*compared, *ensembles, *sweeps, *outages):
+        assert answer.exit_code == 0, answer.stderr
     rows = [
         json.loads(answer.stdout)[0] | {"seconds": 0} for answer in (*compared, ask(*arguments, "--json"))
     ]
