@@ -113,7 +113,7 @@ def _other(value: float) -> float | bool:
 
 
 def drawn(root: Path, count: int, seed: int) -> list[Mutant]:
-    """Return a fault in each of `count` lines of `lab`; lines in which one can be made have the same chance."""
+    """Return a fault in each of `count` lines of `lab`; all in which one can be made have the same chance."""
     lines: dict[tuple[Path, int], list[Mutant]] = {}
     for path in sorted((root / "lab").rglob("*.py")):
         for mutant in mutants(path.relative_to(root), path.read_bytes()):
