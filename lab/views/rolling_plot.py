@@ -8,7 +8,7 @@ ordinate changes.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -216,56 +216,3 @@ class RollingPlot:
         self._parcel.set(self._y, start=low, end=high)
         if self._logarithmic:
             self._parcel.set(self._ticks, ticks=decade_ticks(low, high))
-
-
-class RollingFigures:
-    """Rolling plots over the same time, whose changes travel together.
-
-    Parameters
-    ----------
-    window
-        Length of time that is shown [s].
-    name
-        Name of the shared range of the abscissas.
-
-    Attributes
-    ----------
-    figures : list of figure
-        The figures, in the order of the plots.
-    """
-
-    def __init__(self, window: float, name: str) -> None:
-        self.window = window
-        self._range = Range1d(start=window, end=0.0, name=name)
-        self._parcel = Parcel()
-        self._drawn: list[RollingPlot] = []
-        self.figures: list[figure] = []
-
-    def _hold(self, plots: Iterable[RollingPlot]) -> None:
-        """Hold the plots, made with the range and the parcel."""
-        self._drawn = list(plots)
-        self._ages = self._parcel.number(self._range)
-        self._parcel.seal()
-        self.figures = [plot.figure for plot in self._drawn]
-        self._drawn[0].source.tags = [self._parcel.carrier]
-
-    def clear(self) -> None:
-        """Forget all rows, as for another source; drawn with the next `show`."""
-        for plot in self._drawn:
-            plot.clear()
-
-    def show(self, now: float) -> None:
-        """Move the window to a time [s], and send what was added."""
-        for plot in self._drawn:
-            plot.move(now, self.window)
-        self._parcel.send()
-
-    @property
-    def taken(self) -> bool:
-        """Whether the browser has drawn what was sent last."""
-        return self._parcel.taken
-
-    def widen(self, window: float) -> None:
-        """Show another length of time [s]."""
-        self.window = window
-        self._parcel.set(self._ages, start=window)

@@ -11,8 +11,8 @@ from bokeh.models.sources import ColumnDataSource
 from lab.data.streams.rolling import THINNED
 from lab.live.live_errors import LiveErrors
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY, NAVIGATING, WAITING, LiveHistory, LiveState
-from lab.views.live_error_figures import LiveErrorFigures
 from lab.views.live_figures import LiveFigures
+from lab.views.rolling_figures import LiveErrorFigures
 
 
 def test_no_legend_listens_to_a_stream() -> None:

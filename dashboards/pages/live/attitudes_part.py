@@ -20,7 +20,7 @@ from dashboards.style import WHOLE
 from lab.base.arrays import FloatArray
 from lab.live.beside.attitude_comparison import DEVICE, OURS, AttitudeComparison, Difference
 from lab.live.beside.own_algorithm import OwnAlgorithm
-from lab.views.live_attitude_figures import LiveAttitudeFigures
+from lab.views.rolling_figures import LiveAttitudeFigures
 
 NONE = "none"
 """Choice of no algorithm."""

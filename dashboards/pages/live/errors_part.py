@@ -15,7 +15,7 @@ from dashboards.style import WHOLE
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_state import HistoryCursor
 from lab.motion.truth.growing_truth import TrueMotion
-from lab.views.live_error_figures import LiveErrorFigures
+from lab.views.rolling_figures import LiveErrorFigures
 
 _NO_TRUTH = (
     "Only a simulated device and X-Plane know the true motion: connect one of them to see the errors of the "

@@ -16,8 +16,7 @@ from lab.data.protocols.mip_encoder import MipEncoder
 from lab.data.protocols.nmea import Nmea
 from lab.data.protocols.nmea_encoder import NmeaEncoder
 from lab.data.protocols.novatel import NovAtel, NovAtelEncoder
-from lab.data.protocols.phone import PhoneDecoder
-from lab.data.protocols.phone_encoder import PhoneEncoder
+from lab.data.protocols.phone import PhoneDecoder, PhoneEncoder
 from lab.data.protocols.sbf import Sbf, SbfEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines

@@ -6,14 +6,16 @@ import asyncio
 import contextlib
 import logging
 import socket
+from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Final
 
 from lab.data.protocols.foxglove import SUBPROTOCOLS, Conversation, messages_of, stamp_of
 from lab.data.protocols.sent_solution import SentSolution
 from lab.live.outlets.destination import Destination
-from lab.live.outlets.reader import Reader, Row
 
+WAITING: Final = 25
+"""Rows that wait for a reader, beside those that its line holds: half a second at 50 Hz."""
 MOST_READERS: Final = 16
 """Readers of a listener at a time."""
 BUFFER: Final = 2**15
@@ -24,6 +26,59 @@ LONGEST_CLOSE: Final = 0.5
 """Longest time for which the end waits for readers [s]."""
 _SILENT: Final = logging.Logger("outlets", logging.CRITICAL)
 """Logger of handshakes: one that fails is an error to `websockets`."""
+
+Row = list[bytes]
+"""The messages of one solution, which are sent together or not at all."""
+
+
+class Reader:
+    """Rows that wait to be sent to one reader; all in the thread of one event loop.
+
+    Attributes
+    ----------
+    sent, lost : int
+        Rows that were sent, and those that gave way to newer ones.
+    """
+
+    def __init__(self) -> None:
+        self.sent = self.lost = 0
+        self._rows: deque[Row] = deque()
+        self._more = asyncio.Event()
+        self._idle = asyncio.Event()
+        self._idle.set()
+
+    def put(self, row: Row) -> None:
+        """Take a row; the oldest one that waits gives way if there are too many."""
+        if len(self._rows) >= WAITING:
+            self._rows.popleft()
+            self.lost += 1
+        self._rows.append(row)
+        self._idle.clear()
+        self._more.set()
+
+    async def send(self, write: Callable[[Row], Awaitable[None]]) -> None:
+        """Send rows one after the other, until this is cancelled or `write` raises."""
+        while True:
+            while self._rows:
+                try:
+                    await write(self._rows.popleft())
+                except BaseException:  # it left, or the end came
+                    self.lost += 1
+                    raise
+                self.sent += 1
+            self._idle.set()
+            self._more.clear()
+            await self._more.wait()
+
+    async def emptied(self) -> None:
+        """Wait until nothing waits."""
+        await self._idle.wait()
+
+    def end(self) -> None:
+        """Count what waits as lost: it will not be sent."""
+        self.lost += len(self._rows)
+        self._rows.clear()
+        self._idle.set()
 
 
 class Listener:

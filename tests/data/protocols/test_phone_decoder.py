@@ -12,8 +12,7 @@ from live_streams import decoded, fixes, motion
 from scipy.spatial.transform import Rotation
 
 from lab.data.protocols.pairing import Pairing
-from lab.data.protocols.phone import PhoneDecoder
-from lab.data.protocols.phone_encoder import PhoneEncoder
+from lab.data.protocols.phone import PhoneDecoder, PhoneEncoder
 from lab.data.protocols.phone_line import RADIANS, PhoneLine, line_of
 
 G = 9.81

@@ -21,9 +21,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from lab.live.outlets.destination import Destination
-from lab.live.outlets.listener import MOST_READERS
+from lab.live.outlets.listener import MOST_READERS, WAITING
 from lab.live.outlets.publisher import QUEUE, Publisher
-from lab.live.outlets.reader import WAITING
 
 
 def publisher(*places: str, hz: float = 50.0) -> Publisher:
