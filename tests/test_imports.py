@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -51,3 +52,14 @@ def test_an_import_changes_nothing_in_the_process() -> None:
     found = {file: calls(ast.parse((ROOT / file).read_text("utf-8")).body) for file in FILES}
     effects = [(str(file), call) for file, called in found.items() for call in called]
     assert [effect for effect in effects if not HARMLESS & {effect[1], effect[1].rpartition(".")[2]}] == []
+
+
+def test_a_file_of_tests_runs_alone() -> None:
+    # Alone, a file finds what stands in its folder and in that of all tests: not the folders of other tests.
+    lost = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for name in re.findall(r"^(?:from|import) (test_\w+)", path.read_text("utf-8"), re.M)
+        if not path.with_name(f"{name}.py").exists()
+    ]
+    assert lost == []

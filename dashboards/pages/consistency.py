@@ -29,8 +29,9 @@ from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.views.ensemble_cards import inside
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY
+from lab.views.time_figures import TimeFigures
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,8 +7,9 @@ import panel as pn
 from dashboards.pages.base import Page, plot_grid
 from lab.experiment.result import Result
 from lab.views.autocorrelation import AutocorrelationFigures
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.quantities import INNOVATIONS, aid_plots, kinds_of
+from lab.views.time_figures import TimeFigures
 
 
 class _Grid:

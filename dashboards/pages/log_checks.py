@@ -17,8 +17,9 @@ from dashboards.seen_names import as_seen
 from lab.analysis.cross_checks import CrossChecks, cross_checks
 from lab.base.progress import Progress
 from lab.experiment.result import Result
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.overview import CROSS_CHECKS, checks_in_words
+from lab.views.time_figures import TimeFigures
 
 LEAST = 150
 """Least height of a plot [px]."""

@@ -23,8 +23,9 @@ from dashboards.widgets import SETTING
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.overview import BY_INNOVATIONS, OVERVIEW, Number, numbers_of, sentences_of
+from lab.views.time_figures import TimeFigures
 from lab.views.time_plot import TimePlot
 from lab.views.track import TrackFigure
 

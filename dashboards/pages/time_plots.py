@@ -8,7 +8,6 @@ import panel as pn
 
 from dashboards.pages.base import Page, plot_grid
 from lab.experiment.result import Result
-from lab.views.figures import TimeFigures
 from lab.views.quantities import (
     COVARIANCE,
     ERRORS,
@@ -19,6 +18,7 @@ from lab.views.quantities import (
     further_plots,
     with_scale,
 )
+from lab.views.time_figures import TimeFigures
 from lab.views.time_plot import TimePlot
 
 Plots = tuple[tuple[TimePlot, ...], ...]

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from lab.analysis import allan, low_pass
-from lab.analysis.rest_recording import OFF_GRAVITY, Record, RestRecords, read_log
+from lab.analysis.rest_recording import Record, RestRecords, read_log
+from lab.analysis.rest_samples import OFF_GRAVITY
 from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.units import TO_SI
 from lab.data.log.sensor_log import SensorLog

@@ -16,7 +16,7 @@ from lab.analysis.calibration.magnetometer import MagnetometerCalibration
 from lab.analysis.calibration.mounting import MountingCalibration
 from lab.analysis.calibration.rests import Samples, find_rests
 from lab.analysis.calibration.terms import Term
-from lab.analysis.rest_recording import imu_samples
+from lab.analysis.rest_samples import imu_samples
 from lab.base.files.mission_error import MissionError
 from lab.base.progress import Progress
 from lab.data.files.unit_names import UNITS

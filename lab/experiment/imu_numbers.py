@@ -18,7 +18,8 @@ from lab.analysis import rest
 from lab.analysis.identification.identification import Identification
 from lab.analysis.identification.renavigation import subject
 from lab.analysis.identification.withheld import held_out, outages
-from lab.analysis.rest_recording import RestRecords, Samples, of_samples
+from lab.analysis.rest_recording import RestRecords, of_samples
+from lab.analysis.rest_samples import Samples
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import TO_SI

@@ -14,7 +14,7 @@ import panel as pn
 
 from lab.views.autocorrelation import AutocorrelationFigures
 from lab.views.budget import BudgetFigures
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.notebook_display import follow_theme
 from lab.views.quantities import (
     CONSISTENCY,
@@ -31,6 +31,7 @@ from lab.views.quantities import (
     kinds_of,
     with_scale,
 )
+from lab.views.time_figures import TimeFigures
 from lab.views.time_plot import TimePlot
 from lab.views.track import TrackFigure
 

@@ -22,9 +22,10 @@ from lab.base.files.atomic_file import atomic_file
 from lab.base.result_files import refuse_existing
 from lab.run.provenance import block_of
 from lab.views.ensemble_cards import verdict_html
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
 from lab.views.result_cards import settings_html
+from lab.views.time_figures import TimeFigures
 from lab.views.time_plot import TimePlot
 from lab.views.track import TrackFigure
 

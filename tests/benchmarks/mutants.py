@@ -4,8 +4,8 @@
 COUNT (40) code lines of `lab`, all with the same chance, and makes one fault in each: a sign, a comparison, a
 number by a percent or by one, a `not` left out, two arguments exchanged. Each fault stands alone in a copy of
 the tree. There, the tests without the marks `proof`, `benchmark` and `browser` run until the first one fails:
-first the files that import the module, then those whose name holds its name, then the rest of its room's,
-until the process used SECONDS (60) of processor. A failure counts if the same test passes without the fault.
+first the files that import the module, then those whose name holds its name, then those of its folder and
+its room, the shorter first, until the process used SECONDS (60) of processor. A failure counts if the same test passes without the fault.
 What survives so few tests may be found by all of them, and may be no fault at all: read it.
 """
 
@@ -123,7 +123,7 @@ def drawn(root: Path, count: int, seed: int) -> list[Mutant]:
 
 
 def nearest_tests(root: Path, file: Path) -> list[str]:
-    """Return the files of tests that are near a file of `lab`, the nearest first."""
+    """Return the files of tests that are near a file of `lab`, the nearest and shortest first."""
     name = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
     stem, folder = name.split(".")[-1], Path("tests", *file.parts[1:-1])
     imports = re.compile(
@@ -134,16 +134,12 @@ def nearest_tests(root: Path, file: Path) -> list[str]:
     room = Path("tests", file.parts[1]) if len(file.parts) > 2 else Path("tests")
     ranked = {}
     for path in sorted((root / "tests").rglob("test_*.py")):
-        here = path.relative_to(root)
-        ranks = [
-            imports.search(path.read_text("utf-8")),
-            stem in path.stem,
-            here.is_relative_to(folder),
-            True,
-        ]
-        if here.is_relative_to(room) or any(ranks[:2]):
-            ranked[here.as_posix()] = [bool(rank) for rank in ranks].index(True)
-    return sorted(ranked, key=lambda path: (ranked[path], path))
+        here, text = path.relative_to(root), path.read_text("utf-8")
+        imported, named = bool(imports.search(text)), stem in path.stem
+        ranks = [imported and named, imported, named, here.is_relative_to(folder), True]
+        if here.is_relative_to(room) or imported or named:
+            ranked[here.as_posix()] = ranks.index(True), len(text)
+    return sorted(ranked, key=ranked.__getitem__)
 
 
 def tried(root: Path, tests: list[str], seconds: int) -> tuple[str, str]:
@@ -193,11 +189,15 @@ def main() -> None:
                 continue
             source = (copy / mutant.file).read_bytes()
             tests = nearest_tests(copy, mutant.file)
-            (copy / mutant.file).write_bytes(mutant.applied(source))
-            end, test = tried(copy, tests, options.seconds)
-            (copy / mutant.file).write_bytes(source)
-            if end == "failed" and test and tried(copy, [test], options.seconds)[0] == "failed":
-                end = "failed without the fault, too"
+            end, test = "", ""
+            while tests and end in {"", "failed"}:
+                (copy / mutant.file).write_bytes(mutant.applied(source))
+                end, test = tried(copy, tests, options.seconds)
+                (copy / mutant.file).write_bytes(source)
+                if not test or tried(copy, [test], options.seconds)[0] != "failed":
+                    break
+                tests.remove(test.split("::")[0])  # it fails without the fault, too
+                end = ""
             tried_count += 1
             killed += end == "failed"
             before = source[mutant.start : mutant.stop].decode()

@@ -11,8 +11,9 @@ from dashboards.algorithms import VARIABLE, served_algorithm, served_names, use_
 from dashboards.pages.consistency import coverage_html, verdict_html, whiteness_html
 from lab import Experiment, compare
 from lab.views.ensemble_cards import models_html
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.quantities import CONSISTENCY, INNOVATIONS, SENSOR_ERRORS
+from lab.views.time_figures import TimeFigures
 
 TEXT = """\
 import numpy as np

@@ -35,8 +35,9 @@ from lab.run import memory
 from lab.run import run as arrays
 from lab.sensors.imu import Measured
 from lab.views import thinned
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, SCALE_ERRORS, SENSOR_ERRORS
+from lab.views.time_figures import TimeFigures
 from lab.views.time_plot import TimePlot
 
 SHORT = 2**12

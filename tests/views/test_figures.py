@@ -16,7 +16,7 @@ from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.views.autocorrelation import AutocorrelationFigures
-from lab.views.figures import TimeAxis, TimeFigures, decade_ticks, set_ordinate, time_figure
+from lab.views.figures import TimeAxis, decade_ticks, set_ordinate, time_figure
 from lab.views.quantities import (
     BLUE,
     CONSISTENCY,
@@ -32,6 +32,7 @@ from lab.views.quantities import (
     TEMPERATURE,
     further_plots,
 )
+from lab.views.time_figures import TimeFigures
 from lab.views.time_plot import THIN, Curve, TimePlot
 from lab.views.track import TrackFigure
 

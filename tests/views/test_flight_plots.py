@@ -12,9 +12,10 @@ from sensor_logs import tables, write
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.navigation.aids import NAMES
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.flight_plots import FLIGHT, sensor_plots
 from lab.views.quantities import kinds_of, times_of_aid
+from lab.views.time_figures import TimeFigures
 
 PLOTS = {plot.name: plot for plot in FLIGHT}
 

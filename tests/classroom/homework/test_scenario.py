@@ -22,10 +22,11 @@ from lab.classroom.homework.hidden_experiment import HiddenExperiment
 from lab.classroom.homework.homework import Homework
 from lab.classroom.homework.scenario import Hidden, Scenario
 from lab.experiment.experiment import Experiment
-from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.figures import TimeAxis
 from lab.views.quantities import SENSOR_ERRORS
 from lab.views.report import _plots as report_plots
 from lab.views.report import report_html
+from lab.views.time_figures import TimeFigures
 
 SHOWN = {"mission": "los_angeles", "trajectory": {"imu_rate": 20}}
 BIAS, ARM, SEED = 0.0437219, 2.6173911, 3141592653

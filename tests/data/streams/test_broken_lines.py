@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from live_streams import RATE, fixes, motion
-from test_source import Scripted, until
+from scripted_source import Scripted, until
 
 import lab.live
 from lab.data.protocols.catalogue import ENCODERS

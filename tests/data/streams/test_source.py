@@ -8,12 +8,13 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from live_streams import fixes, motion
+from scripted_source import Scripted, streaming, until
 
 import lab.live
 from lab.base.files.mission_error import MissionError
@@ -23,34 +24,12 @@ from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.raw_recording import EVENT, RecordingError, read_header, records
 from lab.data.streams.recorded_log import log_of_recording, recorded_samples
 from lab.data.streams.source import Source
-from lab.data.streams.source_status import ENDED, LOST, STALE, STREAMING, Status
+from lab.data.streams.source_status import ENDED, LOST, STALE, STREAMING
 from lab.data.streams.transport import Chunk, TransportError
 from lab.live.simulated.simulated_transport import SimulatedTransport
 
-PATIENCE = 240.0
-"""Longest time to wait for what must happen [s]: build machines are slow."""
 TCP = "&over=tcp:0"
 LINES = ["", TCP] if sys.platform != "win32" else [TCP]
-
-
-def until(happened: Callable[[], bool]) -> None:
-    """Wait until something has happened."""
-    end = time.monotonic() + PATIENCE
-    while not happened():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.002)
-
-
-def streaming(source: Source) -> Status:
-    """Return a status while it streams: a busy computer may see any source stale for a moment."""
-    seen: list[Status] = []
-
-    def look() -> bool:
-        seen[:] = [source.status]
-        return seen[0].state == STREAMING and seen[0].rate > 0
-
-    until(look)
-    return seen[0]
 
 
 def device_of(source: Source):
@@ -63,38 +42,6 @@ def nothing_is_left() -> Iterator[None]:
     before = set(threading.enumerate())
     yield
     until(lambda: set(threading.enumerate()) <= before)
-
-
-class Scripted:
-    """A transport that brings what it is given."""
-
-    address = "tcp:scripted:1"
-    reconnects = True
-
-    def __init__(self) -> None:
-        self.steps: list[Chunk | BaseException] = []
-        self.openings: list[BaseException] = []
-        self.opened = self.closed = 0
-
-    def open(self) -> None:
-        """Count, and fail as told."""
-        self.opened += 1
-        if self.openings:
-            raise self.openings.pop(0)
-
-    def read(self, longest: float) -> Chunk:
-        """Return or raise the next step."""
-        if not self.steps:
-            time.sleep(0.001)
-            return Chunk(time.monotonic(), b"")
-        step = self.steps.pop(0)
-        if isinstance(step, BaseException):
-            raise step
-        return step
-
-    def close(self) -> None:
-        """Count."""
-        self.closed += 1
 
 
 def scripted(count: int = 200) -> tuple[Scripted, Source]:

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from test_source import until
+from scripted_source import until
 
 import lab.live
 from lab.data.protocols.catalogue import decoder_of

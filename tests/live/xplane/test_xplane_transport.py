@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_source import streaming, until
+from scripted_source import streaming, until
 from xplane_simulator import XPlaneSimulator, montreal
 
 import lab.live
