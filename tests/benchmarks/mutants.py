@@ -5,7 +5,8 @@ COUNT (40) code lines of `lab`, all with the same chance, and makes one fault in
 number by a percent or by one, a `not` left out, two arguments exchanged. Each fault stands alone in a copy of
 the tree. There, the tests without the marks `proof`, `benchmark` and `browser` run until the first one fails:
 first the files that import the module, then those whose name holds its name, then those of its folder and
-its room, the shorter first, until the process used SECONDS (60) of processor. A failure counts if the same test passes without the fault.
+its room, the shorter first, until the process used SECONDS (60) of processor. A failure counts if the same
+test passes without the fault.
 What survives so few tests may be found by all of them, and may be no fault at all: read it.
 """
 
