@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lab.analysis.verdicts.finding_table import ARM_OR_LATENCY
 from lab.experiment.experiment import Experiment
 from lab.navigation.belief import belief
 from lab.sensors.cards import card
@@ -153,6 +154,7 @@ def warm(triad: str, value: float) -> Change:
 
 POSITION, VELOCITY = slice(0, 3), slice(3, 6)
 GYRO, ACCEL = slice(0, 3), slice(3, 6)
+_ARM, _LATENCY = ("GPS lever arm", ARM_OR_LATENCY), ("GPS latency", ARM_OR_LATENCY)
 _Q = ("Q", "Q gyro", "Q accelerometer")
 _GYRO_DRIFT = ("Q gyro bias", "gyro bias drift", "gyro temperature")
 _ACCEL_DRIFT = ("Q accelerometer bias", "accelerometer bias drift", "accelerometer temperature")
@@ -227,10 +229,10 @@ FAULTS: dict[str, Fault] = {
         settings(sensors__gps__correlated_sigma=2.0, sensors__gps__correlation_time=10.0),
         "GPS",
     ),
-    "latency 0.2 s": Fault(("GPS latency",), settings(sensors__gps__latency=0.2), "GPS"),
-    "latency 0.5 s": Fault(("GPS latency",), settings(sensors__gps__latency=0.5), "GPS"),
-    "lever arm 2 m forward": Fault(("GPS lever arm",), settings(sensors__gps__lever_arm=[2, 0, 0]), "GPS"),
-    "lever arm 3 m up": Fault(("GPS lever arm",), settings(sensors__gps__lever_arm=[0, 0, -3]), "GPS"),
+    "latency 0.2 s": Fault(_LATENCY, settings(sensors__gps__latency=0.2), "GPS"),
+    "latency 0.5 s": Fault(_LATENCY, settings(sensors__gps__latency=0.5), "GPS"),
+    "lever arm 2 m forward": Fault(_ARM, settings(sensors__gps__lever_arm=[2, 0, 0]), "GPS"),
+    "lever arm 3 m up": Fault(_ARM, settings(sensors__gps__lever_arm=[0, 0, -3]), "GPS"),
     "outliers 7 %": Fault(("GPS outliers",), settings(sensors__gps__outlier_rate=0.07), "GPS"),
     "outliers 5 %": Fault(("GPS outliers",), settings(sensors__gps__outlier_rate=0.05), "GPS"),
     "outliers 10 %": Fault(("GPS outliers",), settings(sensors__gps__outlier_rate=0.10), "GPS"),

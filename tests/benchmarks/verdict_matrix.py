@@ -1,6 +1,9 @@
 """Verdict matrix: over 60 faults, each alone, what the verdict calls first and what else it accuses.
 
-Run it with ``python -m tests.benchmarks.verdict_matrix [seeds] [words in the names of faults ...]``.
+Run it with ``python -m tests.benchmarks.verdict_matrix [seeds] [words ...]``. Seeds are their number, from 1 on,
+or the first and the last one: ``1001-1003``. The names of missions and of grades of sensors among the words
+choose these; the other words choose the faults whose names have one of them. For each fault, the runs in which
+another cause is named first, or as well, follow with what was said.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ class Tally:
     named: int = 0
     alone: int = 0
     gps_accused: int = 0
+    missed: list[str] = field(default_factory=list)
     first: Counter[str] = field(default_factory=Counter)
     others: Counter[str] = field(default_factory=Counter)
     unseen: Counter[str] = field(default_factory=Counter)
@@ -40,7 +44,7 @@ class Tally:
         self.alone += not wrong
         self.first[said[0] if said else "-"] += 1
         if not right or wrong:
-            self.others[place] += 1
+            self.missed.append(f"{place}: {', '.join(said) or 'consistent'}")
         for quantity in wrong:
             self.others[quantity] += 1
         blindly = blind.findings[0].quantity if blind.findings else "-"
@@ -56,12 +60,12 @@ def is_gps(verdict: Verdict) -> bool:
 
 
 def tallies(
-    seeds: int, faults: dict[str, Fault], missions: tuple[str, ...], grades: tuple[str, ...]
+    seeds: range, faults: dict[str, Fault], missions: tuple[str, ...], grades: tuple[str, ...]
 ) -> Iterator[tuple[str, Tally]]:
     """Run each fault on each mission with each grade of sensor, and yield what was said."""
     for name, fault in {MATCHED: None, **faults}.items():
         tally = Tally()
-        places = [(m, g, s) for m in missions for g in grades for s in range(1, seeds + 1)]
+        places = [(m, g, s) for m in missions for g in grades for s in seeds]
 
         def one(place: tuple[str, str, int], fault: Fault | None = fault) -> tuple[Verdict, Verdict]:
             run = experiment(*place)
@@ -70,23 +74,27 @@ def tallies(
 
         with ThreadPoolExecutor(2) as pool:
             for place, said in zip(places, pool.map(one, places), strict=True):
-                tally.add(fault.names if fault else (), *said, f"{place[0][:2]}/{place[1][:3]}")
+                tally.add(fault.names if fault else (), *said, " ".join(map(str, place)))
         CACHE.clear()
         yield name, tally
 
 
 def main(arguments: list[str]) -> None:
     """Print the matrix."""
-    seeds = int(arguments[0]) if arguments else 10
-    words = arguments[1:]
+    first, _, last = (arguments[0] if arguments else "10").rpartition("-")
+    seeds = range(int(first or 1), int(last) + 1)
+    missions, grades = (tuple(w for w in arguments[1:] if w in known) for known in (MISSIONS, GRADES))
+    words = [word for word in arguments[1:] if word not in (*missions, *grades)]
     chosen = {name: f for name, f in FAULTS.items() if not words or any(word in name for word in words)}
     total = Tally()
     accused = imu = 0
-    for name, tally in tallies(seeds, chosen, MISSIONS, GRADES):
+    for name, tally in tallies(seeds, chosen, missions or MISSIONS, grades or GRADES):
         print(
             f"{name:32} named {tally.named:3}/{tally.runs:3} alone {tally.alone:3} "
             f"first {dict(tally.first.most_common(3))} wrong {dict(tally.others.most_common(5))} "
             f"| innovations {dict(tally.unseen.most_common(4))}",
+            *tally.missed,
+            sep="\n    ",
             flush=True,
         )
         if name == MATCHED:

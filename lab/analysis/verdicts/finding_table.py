@@ -23,6 +23,8 @@ SENSORS = ("gyro", "accelerometer")
 EITHER = "GPS or IMU"
 """What findings call a cause that the innovations do not tell."""
 CORRELATION, EARTH_RATE, LINEAR_MODEL = "GPS correlation", "Earth rate", "linear model"
+ARM_OR_LATENCY = "GPS lever arm or latency"
+"""What a finding is called whose cause is one of the two: the errors of the fixes do not tell which."""
 AID_NOISE = tuple(f"R {aid}" for aid in AIDS)
 """What findings about the noise of measurements other than GPS fixes are called."""
 UNEXPLAINED = (NEES, BETWEEN, NIS)
@@ -113,6 +115,15 @@ FINDINGS: dict[str, Wording] = {
         "The lever arm to the antenna is wrong by {length:.1f} m ({place}): the errors of the fixes rotate "
         "with the vehicle.",
         "Set navigator.lever_arm to {arm}.",
+        (Change("navigator.lever_arm", "{arm}"),),
+    ),
+    "GPS lever arm or latency": Wording(
+        ARM_OR_LATENCY,
+        "The lever arm to the antenna is wrong by {length:.1f} m ({place}), or the fixes are {seconds:.2f} s "
+        "{side}: the flight turns and changes its speed too little to tell.",
+        "Measure the lever arm. Set navigator.lever_arm to {arm} if the antenna is there, or else "
+        "navigator.latency to {latency:.2f}. A flight with turns and changes of speed tells one from the "
+        "other.",
         (Change("navigator.lever_arm", "{arm}"),),
     ),
     "GPS correlation": Wording(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from lab.analysis.verdicts.finding import Finding, Weighed, Wording, judge_size
 from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.fix_evidence import RATIOS, TIMES, FixErrors
 from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
-from lab.analysis.verdicts.selection import select
+from lab.analysis.verdicts.selection import rivals, select
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 
@@ -29,6 +29,9 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray, assumed: FloatArray) -> lis
     best = np.unravel_index(np.argmax(fits.likelihood), fits.likelihood.shape)
     time, ratio = TIMES[best[0]], RATIOS[best[1]]
     gain = float(fits.likelihood[best] - fits.likelihood[_WHITE])
+    # Errors that are larger for some time are not alike, which correlation explains a little, too.
+    where = stretch(fixes.in_time, 0)
+    gain -= 0.0 if where is None else where.gain
     correlated = gain > limits.VERDICT.likelihood_ratio and np.sqrt(ratio) > limits.VERDICT.correlated_part
     at = best if correlated else _WHITE
     found = apart + judge_causes(Fit(fits.matrix[at], fits.vector[at], np.array(3.0 * fixes.count)), assumed)
@@ -39,8 +42,8 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray, assumed: FloatArray) -> lis
         # If R already includes the correlated part, it is not too large.
         total = scales[0] * (1 + ratio)
         scales[0] = scales[0] if scales[0] > 1 else min(total, 1.0)
-    for index, (scale, size) in enumerate(zip(scales, sizes, strict=True)):
-        found += _size(fixes, index, float(scale), float(size), plain=not correlated)
+    for kind, (scale, size) in enumerate(zip(scales, sizes, strict=True)):
+        found += _size(fixes, kind, float(scale), float(size), plain=kind == 1 or not correlated)
     return found
 
 
@@ -48,7 +51,7 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
     """Judge R of the position (0) or the velocity (1): in a stretch, in a channel, or as a whole.
 
     `scale` is the remaining variance relative to R, and `size` the rms of the innovations in their σ. `plain`
-    is true if the fixes are white; stretches and channels are searched only then.
+    is true if these errors are white; stretches and channels are searched only then.
     """
     name = ("position", "velocity")[kind]
     count = np.array(3.0 * fixes.count)
@@ -126,6 +129,10 @@ def _fits(fixes: FixErrors) -> _FixFits:
     return _FixFits(matrix, vector, scales, likelihood)
 
 
+_CAUSES = {"latency": (0,), "lever arm": (1, 2, 3)}
+"""Regressors of each cause."""
+
+
 def judge_causes(fit: Fit, assumed: FloatArray) -> list[Weighed]:
     """Judge latency and lever arm by their normal equations with unit variance.
 
@@ -133,7 +140,14 @@ def judge_causes(fit: Fit, assumed: FloatArray) -> list[Weighed]:
     """
     found = []
     records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
-    for entry in select(records, {"latency": (0,), "lever arm": (1, 2, 3)}, limits.VERDICT.cause_ratio):
+    chosen = select(records, _CAUSES, limits.VERDICT.cause_ratio)
+    if len(chosen) == 1:
+        sizes = {chosen[0].name: chosen[0].estimate} | rivals(records, _CAUSES, chosen[0])
+        late, arm = (sizes[name][0] if name in sizes else np.zeros(1) for name in _CAUSES)
+        if abs(late[0]) > limits.VERDICT.latency and np.linalg.norm(arm) > limits.VERDICT.lever_arm:
+            gain = chosen[0].gain
+            return [Weighed(gain, lever_arm_or_latency(arm, float(late[0]), gain, assumed))]
+    for entry in chosen:
         estimate = entry.estimate[0]
         if entry.name == "latency" and abs(estimate[0]) > limits.VERDICT.latency:
             found.append(Weighed(entry.gain, latency(float(estimate[0]), entry.gain, assumed)))
@@ -144,26 +158,41 @@ def judge_causes(fit: Fit, assumed: FloatArray) -> list[Weighed]:
 
 def latency(size: float, gain: float, assumed: FloatArray) -> Finding:
     """Return the finding of a latency [s] beyond the one the filter assumed, `assumed` (4,)."""
-    return FINDINGS["GPS latency"].finding(
-        abs(size),
-        f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
-        seconds=abs(size),
-        side="late" if size > 0 else "early",
-        latency=float(round(assumed[0] + size, 2)),
-    )
+    statistic = f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}"
+    return FINDINGS["GPS latency"].finding(abs(size), statistic, **_late(size, assumed))
 
 
 def lever_arm(arm: FloatArray, gain: float, assumed: FloatArray) -> Finding:
     """Return the finding of a lever arm error (3,) [m] beyond the arm the filter assumed, `assumed` (4,)."""
-    where = f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down"
-    length = float(np.linalg.norm(arm))
-    return FINDINGS["GPS lever arm"].finding(
-        length,
-        f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
-        length=length,
-        place=where,
-        arm=[float(round(metres, 2)) for metres in assumed[1:] + arm],
+    fields = _away(arm, assumed)
+    statistic = f"lever arm {fields['place']}, logarithm of the likelihood ratio {gain:.0f}"
+    return FINDINGS["GPS lever arm"].finding(float(np.linalg.norm(arm)), statistic, **fields)
+
+
+def lever_arm_or_latency(arm: FloatArray, late: float, gain: float, assumed: FloatArray) -> Finding:
+    """Return the finding of a lever arm (3,) [m] or a latency [s], between which the flight does not decide.
+
+    Each is what it would be alone; `assumed` is as of `latency`.
+    """
+    fields = _away(arm, assumed) | _late(late, assumed)
+    statistic = (
+        f"lever arm {fields['place']}, or latency {late:.3f} s, logarithm of the likelihood ratio {gain:.0f}"
     )
+    row = FINDINGS["GPS lever arm or latency"]
+    return row.finding(float(np.linalg.norm(arm)), statistic, **fields)
+
+
+def _late(size: float, assumed: FloatArray) -> dict[str, Any]:
+    side = "late" if size > 0 else "early"
+    return {"seconds": abs(size), "side": side, "latency": float(round(assumed[0] + size, 2))}
+
+
+def _away(arm: FloatArray, assumed: FloatArray) -> dict[str, Any]:
+    return {
+        "length": float(np.linalg.norm(arm)),
+        "place": f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down",
+        "arm": [float(round(metres, 2)) for metres in assumed[1:] + arm],
+    }
 
 
 def judge_outliers(number: int, fixes: int, wording: Wording) -> list[Weighed]:

@@ -35,7 +35,7 @@ from lab.analysis.verdicts.finding_table import (
     FINDINGS,
     VARIANCE,
 )
-from lab.analysis.verdicts.fix_verdict import judge_outliers, latency, lever_arm
+from lab.analysis.verdicts.fix_verdict import judge_outliers, latency, lever_arm, lever_arm_or_latency
 from lab.analysis.verdicts.hypotheses import HYPOTHESES, R_CHANNELS
 from lab.analysis.verdicts.imu_causes import columns
 from lab.analysis.verdicts.innovation_evidence import LAGS, Innovations, suspicious
@@ -238,12 +238,20 @@ def _describe(one: Explanation) -> str:
     return VARIANCE.format(variance=one.name, factor=factor, direction=too(one.size))
 
 
+_PLACE_AND_TIME = ("GPS lever arm", "GPS latency")
+"""Explanations that a flight tells apart by its turns and by changes of its speed."""
+
+
 def finding_of(found: list[Explanation], seen: Innovations, statistic: str, assumed: FloatArray) -> Finding:
     """Return the finding of the first of some explanations.
 
     `statistic` is its evidence, `assumed` are the latency and the lever arm (4,) that the filter assumed.
     """
     best = found[0]
+    alike = {one.name: one.parts for one in found if one.gain > best.gain - limits.VERDICT.likelihood_ratio}
+    if best.name in _PLACE_AND_TIME and alike.keys() >= set(_PLACE_AND_TIME):
+        arm, late = (alike[name] for name in _PLACE_AND_TIME)
+        return lever_arm_or_latency(arm, float(late[0]), best.gain, assumed)
     if best.name == "GPS latency":
         return latency(float(best.parts[0]), best.gain, assumed)
     if best.name == "GPS lever arm":

@@ -67,8 +67,7 @@ def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[
     chosen: list[str] = []
     gains: list[float] = []
     columns: list[int] = []
-    present = np.diagonal(fit.matrix, axis1=1, axis2=2) > 0
-    price = {name: limits.VERDICT.price * float(present[:, list(own)].sum()) for name, own in causes.items()}
+    price = _prices(fit, causes)
     while len(chosen) < len(causes):
         worth = {
             name: gain_of(fit, [*columns, *own]) - sum(gains)
@@ -87,6 +86,27 @@ def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[
     ends = np.cumsum([len(causes[name]) for name in chosen])[:-1]
     parts = zip(chosen, gains, np.split(estimate, ends, axis=1), np.split(sigma, ends, axis=1), strict=True)
     return [Explained(*part) for part in parts]
+
+
+def rivals(fit: Fit, causes: Mapping[str, Sequence[int]], chosen: Explained) -> dict[str, FloatArray]:
+    """Return the causes that explain the values as well as the only selected one does, with their sizes (b, k).
+
+    The likelihood ratio at which one explanation is preferred to another is not reached between them, so the
+    values do not tell which of them is there.
+    """
+    price = _prices(fit, causes)
+    least = chosen.gain - price[chosen.name] - limits.VERDICT.likelihood_ratio
+    return {
+        name: estimates(fit, own)
+        for name, own in causes.items()
+        if name != chosen.name and gain_of(fit, own) - price[name] > least
+    }
+
+
+def _prices(fit: Fit, causes: Mapping[str, Sequence[int]]) -> dict[str, float]:
+    """Return the prices of the regressors of each cause that are present."""
+    present = np.diagonal(fit.matrix, axis1=1, axis2=2) > 0
+    return {name: limits.VERDICT.price * float(present[:, list(own)].sum()) for name, own in causes.items()}
 
 
 def _part(fit: Fit, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:

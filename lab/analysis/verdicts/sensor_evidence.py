@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
 from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames import earth
@@ -50,6 +51,11 @@ TURNING = 0.5
 turn of 10°, whose chord is 0.1 % shorter than its arc."""
 UNSEEN = 0.01
 """Fraction of the drive that noise would just hide; it replaces a drive of zero."""
+FEWEST = 10
+"""Fewest windows beyond the regressors that show the noise: its variance is then known to 45 %."""
+NEARLY_KNOWN = 0.01
+"""Part of the noise through which the true bias is seen: a tenth of its σ, as by a sensor ten times better.
+Without any, a drive of zero would be infinitely unlikely for rounding alone."""
 
 
 SHOWN = 1e-12
@@ -135,6 +141,9 @@ class SensorErrors(Sum):
     drive : Kept
         Drives of the filter and of the matched one, relative to the one that `FACTORS` multiply (runs, 6, 2);
         zero if there is none.
+    known : Kept
+        Log-likelihood of the true bias under the drive of the matched filter, minus that under the filter's
+        (runs, 6); zero where that drive is not wrong by enough, or less than noise would hide.
     """
 
     matrix: Kept
@@ -147,6 +156,7 @@ class SensorErrors(Sum):
     drift_squares: Kept
     log_determinant: Kept
     drive: Kept
+    known: Kept
 
 
 class Exact(NamedTuple):
@@ -253,12 +263,14 @@ def sensor_errors_abreast(
     matrix, vector = across @ motion, (across @ noise[..., None])[..., 0]
     spread = _least_squares(matrix, vector)
     left = np.sum((noise - (motion @ spread[..., None])[..., 0]) ** 2, axis=2)
-    rest = np.where(number > 0, np.maximum(left / np.maximum(number, 1.0), 1e-12), 1.0)
+    free = number - np.count_nonzero(np.diagonal(matrix, axis1=-2, axis2=-1), axis=-1)
+    # Few windows are left of an axis that is saturated most of the time: the regressors take their noise.
+    rest = np.where(free >= FEWEST, np.maximum(left / np.maximum(free, 1.0), 1e-12), 1.0)
     squares = np.sum(noise**2, axis=2)
     judged = np.isin(np.arange(6), axes)
     runs, drives, terms = len(references), FACTORS.size + 2, len(DRIFT)
     parts = [np.zeros((runs, 6, *size)) for size in ((2,), (drives, terms, terms), (drives, terms))]
-    parts += [np.zeros((runs, 6, drives)) for _ in range(2)]
+    parts += [np.zeros((runs, 6, *size)) for size in ((drives,), (drives,), ())]
     matched, hidden = (
         np.zeros(6) if values is None else values
         for values in (references[0].bias_drive, references[0].hidden)
@@ -267,7 +279,7 @@ def sensor_errors_abreast(
         found = _drift(wide, belief, axis, float(matched[axis]), float(hidden[axis]), rest, spread)
         for part, values in zip(parts, found, strict=True):
             part[:, axis] = values
-    drive, drift_matrix, drift_vector, drift_squares, determinant = parts
+    drive, drift_matrix, drift_vector, drift_squares, determinant, known = parts
     matrix = np.broadcast_to(matrix, (runs, *matrix.shape[1:])) * judged[:, None, None]
     vector, squares, number = vector * judged[:, None], squares * judged, number * judged
     lost, away = (lost * judged).reshape(runs, 2, 3).sum(axis=2), (~kept).sum(axis=2) * judged
@@ -281,6 +293,7 @@ def sensor_errors_abreast(
         "drift_squares": drift_squares,
         "log_determinant": determinant,
         "drive": drive,
+        "known": known,
     }
     return [
         SensorErrors(
@@ -489,8 +502,8 @@ def _drift(
     period: float,
     rest: FloatArray,
     spread: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the first two drives of an axis, and the normal equations of its bias under all tried drives.
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the figures of `SensorErrors` on the bias of an axis, from its drives on, for each run.
 
     `matched` is the drive of a filter matched to the sensor, which does not follow changes with a period
     below `period` [s]; `rest` (runs, 6) the variance of the noise relative to the assumed one, `spread`
@@ -520,7 +533,38 @@ def _drift(
         weight @ (causes * values[..., None]),
         (weight @ (values**2)[..., None])[..., 0],
         np.log(variance / white[:, None, None]).sum(axis=2),
+        np.where(
+            matched > limits.VERDICT.drive_factor * np.maximum(drive, hidden),
+            _known(seen.bias[:, axis] @ basis, basis.sum(axis=0), NEARLY_KNOWN * white, power, drive, matched),
+            0.0,
+        ),
     )
+
+
+def _known(
+    bias: FloatArray, constant: FloatArray, white: FloatArray, power: FloatArray, drive: float, matched: float
+) -> FloatArray:
+    """Return the log-likelihood (runs,) of true biases with one drive, minus that with another.
+
+    Parameters
+    ----------
+    bias : (runs, k) array
+        True biases, in the eigenvectors of `spectrum`.
+    constant : (k,) array
+        A constant bias in them.
+    white : (runs,) array
+        Variance of the noise through which they are seen.
+    power : (k,) array
+        Eigenvalues of `spectrum`.
+    drive, matched
+        The drives.
+    """
+    found = []
+    for one in (matched, drive):
+        weight = 1 / (white[:, None] + one * power)
+        by_constant = np.sum(weight * bias * constant, axis=1) ** 2 / np.sum(weight * constant**2, axis=1)
+        found.append(0.5 * (by_constant - np.sum(weight * bias**2 - np.log(weight), axis=1)))
+    return np.asarray(found[0] - found[1])
 
 
 @lru_cache(maxsize=32)

@@ -193,6 +193,12 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
         column = candidates[top][1]
         estimate = estimates(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), (0, column))[:, 1:]
         return [_stated(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
+    statistic = f"logarithm of the likelihood ratio {gain:.0f}"
+    known = float(errors.known.values[:, axes][used].sum())
+    if gain < limits.VERDICT.likelihood_ratio < known:
+        # By chance, the noise hides a walk that it would hardly hide, and that is there.
+        statistic = f"logarithm of the likelihood ratio {known:.0f} of the true biases"
+        gain, factor, ends = limits.VERDICT.likelihood_ratio, matched / drive if drive else np.inf, []
     if (
         gain < limits.VERDICT.likelihood_ratio
         or 1 / limits.VERDICT.drive_factor < factor < limits.VERDICT.drive_factor
@@ -203,7 +209,7 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     wording = FINDINGS["more wander" if factor > 1 else "less wander"]
     finding = (wording if np.isfinite(times) else FINDINGS["wander without a drive"]).finding(
         float(times),
-        f"logarithm of the likelihood ratio {gain:.0f}{interval_words(interval)}",
+        f"{statistic}{interval_words(interval)}",
         interval,
         (axes.start + 6, axes.stop + 6),
         direction=too(factor),
