@@ -50,6 +50,9 @@ LOOK = 1.0
 AT_REST = 64 * 2**20
 """Memory of the cached results that wait for the next visitor once the last one has left [bytes]: those of
 the first page of a mission."""
+EACH = 16 * 2**20
+"""Memory of cached results that each page in a browser adds once another has ended [bytes]: twelve positions
+of a slider. Two hundred pages, one after the other, otherwise fill the cache with what nobody sees."""
 COUNT = 5
 """Ended pages between two counts of the kept objects: each goes through all of them, 90 ms for 700,000."""
 MOST = 900_000
@@ -95,12 +98,17 @@ class Openings(Handler):
     @property
     def crowded(self) -> bool:
         """Whether other pages are open in a browser or waiting for their turn."""
-        return bool(self._waiting) or any(session.connection_count for session in self._sessions)
+        return bool(self._waiting) or self._watched > 0
 
     @property
     def busy(self) -> bool:
         """Whether pages wait for their turn to open."""
         return bool(self._waiting)
+
+    @property
+    def _watched(self) -> int:
+        """How many pages are open in a browser; others have lost theirs, and end soon."""
+        return sum(session.connection_count > 0 for session in self._sessions)
 
     @property
     def _sessions(self) -> list[ServerSession]:
@@ -191,8 +199,8 @@ class Openings(Handler):
     async def _work(self) -> None:
         while self._waiting or self._ended:
             if await self._take_turns():
+                CACHE.shrink(AT_REST + EACH * self._watched)
                 if not self._sessions:
-                    CACHE.shrink(AT_REST)
                     self._search_all()
                 # In a thread, because it goes through all free memory. Others may ask for a turn meanwhile.
                 await asyncio.to_thread(give_back)

@@ -282,21 +282,22 @@ def test_everything_is_searched_once_the_last_page_has_ended(monkeypatch: pytest
     assert found == [1]
 
 
-def test_the_cache_of_a_server_without_visitors_is_small(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_that_ends_leaves_the_cache_what_the_others_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages one after the other fill no cache; one that has lost its browser needs nothing any more."""
     sizes: list[int] = []
     monkeypatch.setattr(openings.CACHE, "shrink", sizes.append)
 
     async def leave() -> None:
-        turns, other = Openings(), SimpleNamespace(connection_count=1, document=Document())
-        context: Any = Context([other])
+        turns = Openings()
+        seen, left = (SimpleNamespace(connection_count=n, document=Document()) for n in (1, 0))
+        context: Any = Context([])
         turns._context = ref(context)
-        for _ in range(2):
+        for context.sessions in ([seen, seen, left], [seen], [left], []):
             turns.let_go(document := Document(), document)
             await turns._working
-            context.sessions = []
 
     completed(leave)
-    assert sizes == [openings.AT_REST]
+    assert sizes == [openings.AT_REST + number * openings.EACH for number in (2, 1, 0, 0)]
 
 
 class Context:
