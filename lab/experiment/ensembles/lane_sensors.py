@@ -1,7 +1,7 @@
 """Lane sensors: the output of the IMUs of a block of runs, drawn and computed in one pass over the flight.
 
-The draws are those of a single run, from the same generators. White noise is drawn where it is used; of the
-slow processes of a bias, the samples are drawn before.
+The draws are those of a single run. White noise is drawn where it is used, eight runs abreast
+(`lane_draws`); of the slow processes of a bias, the samples are drawn before.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache
 from lab.base.parameters.units import si
+from lab.experiment.ensembles.lane_draws import Streams, draw, streams_of
 from lab.experiment.sensor_stages import SampledFlight
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels import compilation
-from lab.navigation.kernels.compilation import entry_kernel, kernel
-from lab.navigation.kernels.lane_views import LANES
+from lab.navigation.kernels.compilation import entry_kernel, kernel, loop_kernel
+from lab.navigation.kernels.lane_views import LANES, wide, wide_vectors
 from lab.sensors import imu, processes
 from lab.sensors import temperature as thermal
 from lab.sensors.draws import generator
@@ -32,15 +33,18 @@ Errors = imu.GyroErrors | imu.AccelerometerErrors
 
 
 AT_ONCE = 64
-"""Samples drawn together: those of eight runs take 12 kB, a part of the processor's first cache."""
+"""Samples computed together: a triad of eight runs takes 12 kB, a part of the processor's first cache."""
+
+
+BIAS, MIXING, TAKEN, ROWS = 0, 3, 12, 15
+"""Where the numbers of a triad begin that each run has of its own, in eights: the constant part of the bias,
+I + M, and the bias of a sample that an alignment found; and their number."""
 
 
 class _Triad(NamedTuple):
-    """What changes the samples of a triad; of each run of a block, in the last dimension."""
+    """What changes the samples of a triad."""
 
-    bias: FloatArray  # constant part of the bias (3, LANES)
-    mixing: FloatArray  # I + M (3, 3, LANES)
-    taken: FloatArray  # the bias found by an alignment (3, LANES)
+    own: FloatArray  # of each run: see `BIAS` (ROWS * LANES,)
     noise: FloatArray  # σ of a sample (3,)
     step: FloatArray  # quantisation of a sample, or zero (3,)
     limit: float
@@ -56,11 +60,18 @@ class _Triad(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Some samples of a run, (3, AT_ONCE): noise, biases, and true quantities with them."""
+    """Some samples of all runs, (3 * AT_ONCE * LANES,): output, biases, and true quantities with them."""
 
-    drawn: FloatArray
+    values: FloatArray
     bias: FloatArray
     biased: FloatArray
+    lag: FloatArray  # states of the lags (3 * LANES,)
+
+    @classmethod
+    def empty(cls) -> _Part:
+        """Return room for them."""
+        values, bias, biased = (aligned_zeros(3 * AT_ONCE * LANES) for _ in range(3))
+        return cls(values, bias, biased, aligned_zeros(3 * LANES))
 
 
 FLICKER = StageCache(limit=64 * 2**20)
@@ -96,6 +107,11 @@ class SensorRoom:
             whole = getattr(self, name).reshape(-1)
             setattr(found, name, whole[: math.prod(shape)].reshape(shape))
         return found
+
+    @cached_property
+    def some(self) -> _Part:
+        """Room for the samples that are computed together."""
+        return _Part.empty()
 
     @cached_property
     def process(self) -> FloatArray:
@@ -154,10 +170,12 @@ def triads(
     cutoff = 2 * np.pi * si(errors, "bandwidth") * dt
     lags = cutoff > 0
     forget = np.where(lags, np.exp(-cutoff), 0.0)
+    own = aligned_zeros(ROWS * LANES).reshape(ROWS, LANES)
+    own[BIAS:MIXING] = bias[lanes].T
+    own[MIXING:TAKEN] = (np.eye(3) + M[lanes]).reshape(LANES, 9).T
+    own[TAKEN:] = np.transpose([found[lane] * dt for lane in lanes])
     given = _Triad(
-        np.ascontiguousarray(bias[lanes].T),
-        np.ascontiguousarray(np.moveaxis(np.eye(3) + M[lanes], 0, -1)),
-        np.stack([found[lane] for lane in lanes], axis=-1),
+        own.reshape(-1),
         np.asarray(si(errors, "noise_density") * np.sqrt(dt), dtype=np.float64),
         np.asarray(si(errors, "quantisation") * dt, dtype=np.float64),
         float(si(errors, "range")) * dt,
@@ -174,8 +192,8 @@ def triads(
     varies = process.shape[2] > 0 or warmer.size > 0 or felt.any()
     shown = room.shown[first // 3] if varies else np.empty((LANES, 0, 3))
     saturated = np.zeros(LANES, dtype=np.int64)
-    noise = tuple(generator(seeds[lane], f"{name}.noise") for lane in lanes)
-    _sense(noise, ideal, given, out, first, shown, saturated)
+    streams = streams_of([seeds[lane] for lane in lanes], f"{name}.noise")
+    _sense(streams, ideal, given, room.some, out.reshape(-1), first, shown, saturated)
     warming = warmer[:, None] * given.scale_by_temperature
     return [
         imu.Measured(
@@ -243,119 +261,127 @@ def _draw_rows(noise: np.random.Generator, out: FloatArray) -> None:
             out[i, k] = noise.standard_normal()
 
 
-@entry_kernel
+@loop_kernel
 def _sense(
-    noise: tuple[np.random.Generator, ...],
+    streams: Streams,
     ideal: FloatArray,
     given: _Triad,
+    part: _Part,
     out: FloatArray,
     first: int,
     shown: FloatArray,
     saturated: NDArray[np.int64],
 ) -> None:
     """Write the samples of a triad of all runs, as `imu.measure` computes those of one."""
-    part = _Part(np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)), np.empty((3, AT_ONCE)))
-    lag = np.zeros((LANES, 3))
+    wide_vectors()
     for start in range(0, ideal.shape[0], AT_ONCE):
         count = min(AT_ONCE, ideal.shape[0] - start)
-        for lane in range(LANES):
-            _draw(noise[lane], part.drawn, count)
-            _bias(ideal, start, count, given, part, lane)
-            saturated[lane] += _measure(start, count, given, part, out, first, lag[lane], lane)
-            if shown.shape[1] > 0:
-                _show(start, count, given, part, shown, lane)
-
-
-@kernel
-def _draw(noise: np.random.Generator, drawn: FloatArray, count: int) -> None:
-    """Draw the next samples of a run; nothing else in the loop, which takes twice as long otherwise."""
-    for k in range(count):
+        for k in range(count):
+            for i in range(3):
+                draw(streams, part.values, (i * AT_ONCE + k) * LANES)
+        _bias(ideal, start, count, given, part)
         for i in range(3):
-            drawn[i, k] = noise.standard_normal()
+            _measure(start, count, given, part, i)
+            _limit(count, given, part, i, saturated)
+            _write(start, count, given, part, i, out, first)
+        if shown.shape[1] > 0:
+            _show(start, count, given, part, shown)
 
 
 @kernel
-def _bias(ideal: FloatArray, start: int, count: int, given: _Triad, part: _Part, lane: int) -> None:
-    """Write biases and true quantities with them for some samples of a run."""
-    dt = given.dt
+def _bias(ideal: FloatArray, start: int, count: int, given: _Triad, part: _Part) -> None:
+    """Write biases, and true quantities with them, of some samples."""
+    dt, own = given.dt, wide(given.own, 0)
     for i in range(3):
-        bias, biased, constant = part.bias[i], part.biased[i], given.bias[i, lane]
+        at = i * AT_ONCE
+        bias, biased, constant = wide(part.bias, at), wide(part.biased, at), own[BIAS + i]
         for k in range(count):
             bias[k] = constant
         if given.process.shape[2] > 0:
-            process = given.process[lane, i]
-            for k in range(count):
-                bias[k] += process[start + k]
+            for lane in range(LANES):
+                process = given.process[lane, i]
+                for k in range(count):
+                    part.bias[(at + k) * LANES + lane] += process[start + k]
         if given.warmer.size > 0:
-            warmer, by_temperature = given.warmer, given.bias_by_temperature[i]
             for k in range(count):
-                bias[k] += by_temperature * warmer[start + k]
+                bias[k] += given.bias_by_temperature[i] * given.warmer[start + k]
         if given.dvelocity.shape[0] > 0:
-            dvelocity, by_force = given.dvelocity, given.bias_by_force[i]
             for k in range(count):
-                bias[k] += by_force * dvelocity[start + k, i] / dt
+                bias[k] += given.bias_by_force[i] * given.dvelocity[start + k, i] / dt
         for k in range(count):
             biased[k] = ideal[start + k, i] + bias[k] * dt
 
 
 @kernel
-def _measure(
-    start: int,
-    count: int,
-    given: _Triad,
-    part: _Part,
-    out: FloatArray,
-    first: int,
-    lag: FloatArray,
-    lane: int,
-) -> int:
-    """Write some samples of a run; return how many values are saturated. `lag` is kept from part to part."""
-    saturated, limit, by_x, by_y, by_z = 0, given.limit, part.biased[0], part.biased[1], part.biased[2]
-    for i in range(3):
-        x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
-        sigma, step, taken = given.noise[i], given.step[i], given.taken[i, lane] * given.dt
-        values, biased = part.drawn[i], part.biased[i]
-        settled = x * by_x[0] + y * by_y[0] + z * by_z[0]
+def _measure(start: int, count: int, given: _Triad, part: _Part, i: int) -> None:
+    """Write some samples of an axis before range and quantisation; the lag is kept from part to part."""
+    values, by_x, by_y = wide(part.values, i * AT_ONCE), wide(part.biased, 0), wide(part.biased, AT_ONCE)
+    by_z, biased, sigma = wide(part.biased, 2 * AT_ONCE), wide(part.biased, i * AT_ONCE), given.noise[i]
+    own, lag = wide(given.own, MIXING + 3 * i), wide(part.lag, i)
+    x, y, z = own[0], own[1], own[2]
+    settled = x * by_x[0] + y * by_y[0] + z * by_z[0]
+    for k in range(count):
+        values[k] = x * by_x[k] + y * by_y[k] + z * by_z[k] + values[k] * sigma
+    if given.warmer.size > 0:
+        warming = given.scale_by_temperature[i]
+        settled += warming * given.warmer[start] * biased[0]
         for k in range(count):
-            values[k] = x * by_x[k] + y * by_y[k] + z * by_z[k] + sigma * values[k]
-        if given.warmer.size > 0:
-            warmer, warming = given.warmer, given.scale_by_temperature[i]
-            settled += warming * warmer[start] * biased[0]
-            for k in range(count):
-                values[k] += warming * warmer[start + k] * biased[k]
-        held, forget = given.held[i], given.forget[i]
-        if held < 1:
-            state = held * settled if start == 0 else lag[i]
-            for k in range(count):
-                entered = values[k]
-                values[k] = (1 - held) * entered + state
-                state = (held - forget) * entered + forget * values[k]
-            lag[i] = state
-        beyond = 0
+            values[k] += warming * given.warmer[start + k] * biased[k]
+    held, forget = given.held[i], given.forget[i]
+    if held < 1:
+        if start == 0:
+            lag[0] = settled * held
+        state = lag[0]
         for k in range(count):
-            beyond += abs(values[k]) > limit
-        if beyond:
-            saturated += beyond
-            for k in range(count):
-                values[k] = min(max(values[k], -limit), limit)
-        if step > 0:
-            for k in range(count):
-                values[k] = np.rint(values[k] / step) * step
-        for k in range(count):
-            out[start + k, first + i, lane] = values[k] - taken
-    return saturated
+            entered = values[k]
+            values[k] = (1 - held) * entered + state
+            state = (held - forget) * entered + forget * values[k]
+        lag[0] = state
 
 
 @kernel
-def _show(start: int, count: int, given: _Triad, part: _Part, shown: FloatArray, lane: int) -> None:
-    """Write the true bias of some samples of a run as its output shows it."""
-    by_x, by_y, by_z = part.bias[0], part.bias[1], part.bias[2]
-    for i in range(3):
-        x, y, z = given.mixing[i, 0, lane], given.mixing[i, 1, lane], given.mixing[i, 2, lane]
-        bias, taken = part.bias[i], given.taken[i, lane]
-        for k in range(count):
-            shown[lane, start + k, i] = x * by_x[k] + y * by_y[k] + z * by_z[k] - taken
-        if given.warmer.size > 0:
-            warmer, warming = given.warmer, given.scale_by_temperature[i]
+def _limit(count: int, given: _Triad, part: _Part, i: int, saturated: NDArray[np.int64]) -> None:
+    """Apply range and quantisation of an axis to some samples, and count the values beyond the range."""
+    limit, step, first, beyond = given.limit, given.step[i], i * AT_ONCE * LANES, 0
+    last = first + count * LANES
+    for at in range(first, last):
+        beyond += abs(part.values[at]) > limit
+    if beyond > 0:
+        for at in range(first, last):
+            saturated[at % LANES] += abs(part.values[at]) > limit
+            part.values[at] = min(max(part.values[at], -limit), limit)
+    if step > 0:
+        for at in range(first, last):
+            part.values[at] = np.rint(part.values[at] / step) * step
+
+
+@kernel
+def _write(start: int, count: int, given: _Triad, part: _Part, i: int, out: FloatArray, first: int) -> None:
+    """Write some samples of an axis into the output (n * 6 * LANES,)."""
+    values, found, taken = (
+        wide(part.values, i * AT_ONCE),
+        wide(out, 6 * start + first + i),
+        wide(given.own, TAKEN),
+    )
+    for k in range(count):
+        found[6 * k] = values[k] - taken[i]
+
+
+@kernel
+def _show(start: int, count: int, given: _Triad, part: _Part, shown: FloatArray) -> None:
+    """Write the true bias of some samples as the output shows it."""
+    own, dt, last = given.own, given.dt, 2 * AT_ONCE * LANES
+    for lane in range(LANES):
+        for i in range(3):
+            row = (MIXING + 3 * i) * LANES + lane
+            x, y, z = own[row], own[row + LANES], own[row + 2 * LANES]
+            taken, axis = own[(TAKEN + i) * LANES + lane] / dt, i * AT_ONCE * LANES
             for k in range(count):
-                shown[lane, start + k, i] += warming * warmer[start + k] * bias[k]
+                at = k * LANES + lane
+                by_x, by_y, by_z = part.bias[at], part.bias[AT_ONCE * LANES + at], part.bias[last + at]
+                shown[lane, start + k, i] = x * by_x + y * by_y + z * by_z - taken
+            if given.warmer.size > 0:
+                warming = given.scale_by_temperature[i]
+                for k in range(count):
+                    bias = part.bias[axis + k * LANES + lane]
+                    shown[lane, start + k, i] += warming * given.warmer[start + k] * bias
