@@ -6,7 +6,7 @@ navigation; a change of a gyro's noise does not recompute the flight, the accele
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 
 import numpy as np
@@ -210,11 +210,17 @@ def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
     seed
         Seed of the run.
     """
-    draw = unit_draws(seed, "initial error", (9,))
-    position = si(settings, "position_error") + si(settings, "position_sigma") * draw[:3]
-    velocity = si(settings, "velocity_error") + si(settings, "velocity_sigma") * draw[3:6]
-    attitude = si(settings, "attitude_error") + si(settings, "attitude_sigma") * draw[6:]
-    return Start.off(truth, position, velocity, attitude)
+    return starts(truth, settings, [seed])[0]
+
+
+def starts(truth: Truth, settings: NavigatorSettings, seeds: Sequence[int]) -> list[Start]:
+    """Return the assumed starts of the runs of some seeds; see `start`."""
+    draws = np.stack([unit_draws(seed, "initial error", (9,)) for seed in seeds])
+    position, velocity, attitude = (
+        si(settings, f"{name}_error") + si(settings, f"{name}_sigma") * draws[:, first : first + 3]
+        for first, name in ((0, "position"), (3, "velocity"), (6, "attitude"))
+    )
+    return Start.each_off(truth, position, velocity, attitude)
 
 
 def begin(truth: Truth, experiment: Runnable) -> Aligned:

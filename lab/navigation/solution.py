@@ -146,13 +146,17 @@ class Start(NamedTuple):
         position, velocity, attitude : (3,) arrays
             Errors north, east, down [m], [m/s], and φ of Ĉ_nb = exp(−[φ×]) C_nb [rad].
         """
-        place = displaced(truth.taken(slice(1)).position, position[None])[0]
+        return cls.each_off(truth, position[None], velocity[None], attitude[None])[0]
+
+    @classmethod
+    def each_off(
+        cls, truth: Truth, position: FloatArray, velocity: FloatArray, attitude: FloatArray
+    ) -> list[Start]:
+        """Return the starts with some errors (k, 3) each; see `off`."""
+        places = displaced(truth.taken(slice(1)).position, position)
         q_nb = Rotation.from_rotvec(-attitude) * Rotation.from_quat(truth.q_nb[0], scalar_first=True)
-        return cls(
-            place,
-            truth.velocity_n[0] + velocity,
-            q_nb.as_quat(scalar_first=True),
-        )
+        both = zip(places, truth.velocity_n[0] + velocity, q_nb.as_quat(scalar_first=True), strict=True)
+        return [cls(*one) for one in both]
 
 
 class Belief(NamedTuple):

@@ -29,7 +29,7 @@ from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
 from lab.experiment.sensor_stages import SampledFlight, SensorStages
-from lab.experiment.stages import start
+from lab.experiment.stages import starts
 from lab.missions import LogMission, mission
 from lab.navigation.aiding import needs_rest
 from lab.navigation.alignment import rest_alignment
@@ -242,13 +242,12 @@ class SeedLanes:
     def _sense(self, seeds: Sequence[int], room: SensorRoom) -> list[Sensed]:
         """Simulate the sensors of some runs; the room is written, and referred to."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
-        aligned = [self._aligned(start(truth, navigator, seed), seed) for seed in seeds]
+        begun = starts(truth, navigator, seeds)
+        aligned = [self._aligned(one, seed) for one, seed in zip(begun, seeds, strict=True)]
         gyros = self._triads("gyro", seeds, [bias for _, bias, _ in aligned], room)
         accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), room)
         found = []
-        for seed, (begun, _, P), gyro, accelerometer in zip(
-            seeds, aligned, gyros, accelerometers, strict=True
-        ):
+        for seed, (own, _, P), gyro, accelerometer in zip(seeds, aligned, gyros, accelerometers, strict=True):
             assumed = self._belief if P is None else belief(sensors, navigator, P, self._of_bias_states)
             constants = None if P is None else np.diag(P)
             draws = gps.GpsDraws.of(seed, self._fix_truth.time.size, sensors.gps)
@@ -258,7 +257,7 @@ class SeedLanes:
                 fixes = gps.GpsFixes(*(part[kept] for part in fixes))
             seen = Fixes(fixes.time - self._latency, fixes.position, fixes.velocity_n)
             check_bias_decay(self._schedule.stride * self._ideal.dt, assumed.decay)
-            found.append(Sensed(seed, begun, assumed, constants, gyro, accelerometer, fixes, seen))
+            found.append(Sensed(seed, own, assumed, constants, gyro, accelerometer, fixes, seen))
         return found
 
     def _aligned(self, begun: Start, seed: int) -> tuple[Start, FloatArray, FloatArray | None]:

@@ -72,16 +72,11 @@ class Filter(NamedTuple):
         `turned` (m, 4) holds the angular rates about each fix; a navigator with a lever arm needs it. `aids`
         are measurements other than fixes, of which `kept_aids` updates are kept, likewise.
         """
-        own = blocks.user_states(model.blocks)
-        state = np.zeros(own_room.END if own.stop > own.start else wander.LENGTH)
-        frames.place(state, start.position, model)
-        state[VELOCITY : VELOCITY + 3] = start.velocity_n
-        state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
-        state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
+        state, P0 = begun(start, belief, model)
         n, space = model.states, layout(model.blocks)
         w = aligned_zeros(space.size)
         P = w[: space.product].reshape(n, space.WIDTH)
-        P[:, :n] = initial_covariance(frames.model_at(state, model), state, belief.P0)
+        P[:, :n] = P0
         return cls(
             state,
             w,
@@ -112,6 +107,17 @@ class Filter(NamedTuple):
             read_only(aids),
             np.zeros((max(kept_aids, 1), 1, 2 * n + 2)),
         )
+
+
+def begun(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray, FloatArray]:
+    """Return state and covariance (n, n) of a navigator at its start."""
+    own = blocks.user_states(model.blocks)
+    state = np.zeros(own_room.END if own.stop > own.start else wander.LENGTH)
+    frames.place(state, start.position, model)
+    state[VELOCITY : VELOCITY + 3] = start.velocity_n
+    state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
+    state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
+    return state, initial_covariance(frames.model_at(state, model), state, belief.P0)
 
 
 def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.filters.error_models import NORTH_SLAVED, ErrorModel
-from lab.navigation.filters.filter import Filter, aligned_zeros
+from lab.navigation.filters.filter import Filter, aligned_zeros, begun
 from lab.navigation.filters.schedule import SLACK, Schedule
 from lab.navigation.kernels.compilation import embedded_kernel, is_ready, kernel, loop_kernel
 from lab.navigation.kernels.driver import steps, take_measurements
@@ -237,8 +237,8 @@ def navigate_lanes(
     # Unused lanes repeat the last run.
     lanes = [*runs, *[runs[-1]] * (LANES - len(runs))]
     fixes = _all_fixes(fix_time, lanes)
-    filters = [Filter.begin(lane.start, lane.belief, float(time[0]), model) for lane in lanes]
-    buffer, kept = _block(filters, model, fix_time.size + 1)
+    run = Filter.begin(lanes[0].start, lanes[0].belief, float(time[0]), model)
+    buffer, kept = _block(run, lanes, model, fix_time.size + 1)
     out = Solution.empty(LANES * stored.size, fixes.time.size, model.blocks)
     motion = np.empty((LANES, path.size, MOTION))
     force = np.empty((LANES, stored.size, 3))
@@ -249,7 +249,7 @@ def navigate_lanes(
     for samples in (stored, path, fixed[fixed <= last], last):
         stops[samples] = True
     _advance(model, summed=schedule.stride > 1)(
-        filters[0],
+        run,
         buffer.reshape(-1),
         kept,
         read_only(Imu(time, none, none)),
@@ -283,20 +283,24 @@ def _all_fixes(time: FloatArray, lanes: Sequence[Lane]) -> Fixes:
     )
 
 
-def _block(filters: Sequence[Filter], model: ErrorModel, fixes: int) -> tuple[FloatArray, Counters]:
-    """Return the numbers of some filters side by side, and what else they keep; each has so many fixes."""
+def _block(run: Filter, lanes: Sequence[Lane], model: ErrorModel, fixes: int) -> tuple[FloatArray, Counters]:
+    """Return the numbers of some runs side by side, and what else they keep; each has so many fixes.
+
+    The filter is that of one of them at its start.
+    """
     n, space, place = model.states, layout(model.blocks), lane_layout(model.blocks)
     buffer = aligned_zeros(LANES * place.END).reshape(-1, LANES)
-    for first, parts in (
-        (0, [run.state[: strapdown.LENGTH] for run in filters]),
-        (COVARIANCE, [run.P[:, :n].ravel() for run in filters]),
-        (place.DECAY, [run.decay[: space.DRIVEN] for run in filters]),
-        (place.NOISE, [run.noise[: WHITE + space.DRIVEN] for run in filters]),
-    ):
-        buffer[first : first + parts[0].size] = np.stack(parts, axis=1)
-    counts = np.stack([run.counts for run in filters])
+    for own, lane in enumerate(lanes):
+        state, P = begun(lane.start, lane.belief, model)
+        for first, values in (
+            (0, state[: strapdown.LENGTH]),
+            (COVARIANCE, P[:n, :n].ravel()),
+            (place.DECAY, lane.belief.decay[: space.DRIVEN]),
+            (place.NOISE, lane.belief.noise[: WHITE + space.DRIVEN]),
+        ):
+            buffer[first : first + values.size, own] = values
+    counts, clock, streak = (np.tile(kept, (LANES, 1)) for kept in (run.counts, run.clock, run.streak))
     counts[:, 0] = fixes * np.arange(LANES)
-    clock, streak = (np.stack([getattr(run, name) for run in filters]) for name in ("clock", "streak"))
     return buffer, Counters(counts, clock, streak)
 
 
