@@ -202,7 +202,12 @@ class Known(NamedTuple):
 
 
 def rows_of(
-    run: Run, now: Assumed, begun: Assumed, found: Assumed, known: Mapping[int, Known]
+    run: Run,
+    now: Assumed,
+    begun: Assumed,
+    found: Assumed,
+    known: Mapping[int, Known],
+    intervals: Mapping[int, tuple[float, float]],
 ) -> tuple[Row, ...]:
     """Return the table of the parameters.
 
@@ -214,25 +219,29 @@ def rows_of(
         The filter's assumptions, the start values of the search, and the new assumptions.
     known
         What the log shows of each parameter.
+    intervals
+        95 % intervals of the logarithms, whatever the other noises are.
     """
     rows, changed = [], moved(now, found)
     before, after, start = (_shown_values(run, of) for of in (now, found, begun))
     for index, name in enumerate(NAMES):
         unit, old = before[index]
         new = after[index][1] if changed[index] else old
-        if index not in known:
-            rows.append(Row(name, unit, old, new, *(math.nan,) * 3, False, bool(changed[index])))
-            continue
-        _, sigma, low, high, bounded = known[index]
-        if index < LOGARITHMS.stop:
+        one, low, high, sigma = known.get(index), math.nan, math.nan, math.nan
+        if one is not None:
+            sigma, low, high = one.sigma, one.low, one.high
+        if index in intervals:
             power = 2.0 if FIX.start <= index < FIX.stop else 1.0
-            value, low, high = (
-                start[index][1] * math.exp(float(np.clip(power * by, -FARTHEST, FARTHEST)))
-                for by in (known[index].value, low, high)
-            )
-            low, sigma = 0.0 if bounded else low, value * power * sigma
-        rows.append(Row(name, unit, old, new, sigma, low, high, True, bool(changed[index])))
+            low, high = (start[index][1] * _factor(power * by) for by in intervals[index])
+            if one is not None:
+                sigma *= start[index][1] * _factor(power * one.value) * power
+        rows.append(Row(name, unit, old, new, sigma, low, high, one is not None, bool(changed[index])))
     return tuple(rows)
+
+
+def _factor(logarithm: float) -> float:
+    """Return a factor that is finite, from its logarithm."""
+    return 0.0 if logarithm == -math.inf else math.exp(float(np.clip(logarithm, -FARTHEST, FARTHEST)))
 
 
 def moved(now: Assumed, found: Assumed) -> NDArray[np.bool_]:

@@ -66,7 +66,8 @@ class Row(NamedTuple):
     def words(self) -> str:
         """The information in the log, as text."""
         if not self.observable:
-            return "chosen as a whole" if self.applied else "not observable in this flight"
+            most = f", at most {self.high:.3g}" if math.isfinite(self.high) else ""
+            return "chosen as a whole" if self.applied else f"not observable in this flight{most}"
         words = f"at most {self.high:.3g}" if self.low == 0 else f"{self.low:.4g} to {self.high:.4g}"
         return words if self.applied else f"{words}: not changed"
 

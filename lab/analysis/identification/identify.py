@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -35,13 +36,13 @@ from lab.analysis.identification.likelihood import (
     Parameter,
     squares,
 )
+from lab.analysis.identification.noise_intervals import logarithm_intervals
 from lab.analysis.identification.observable import (
     Search,
     find_observable,
     known_of,
     maximised,
     refuted,
-    whatever_others,
 )
 from lab.analysis.identification.renavigation import Subject, subject
 from lab.analysis.identification.spread import describe_spread
@@ -70,7 +71,7 @@ MOST_OUTLIERS = 0.05
 class _Found(NamedTuple):
     """The result of a search, and its accuracy of prediction."""
 
-    rows: tuple[Row, ...]
+    rows: Callable[[], tuple[Row, ...]]
     changes: dict[str, Any]
     assumed: Assumed
     before: HeldOut
@@ -148,7 +149,7 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
     tell("done", 1.0)
     return Identification(
         mission=run.mission.title or run.mission.name,
-        rows=found.rows,
+        rows=found.rows(),
         before=found.before,
         after=found.after,
         withheld=OUTAGE,
@@ -215,7 +216,7 @@ def _judged(
     done = 0.8 if search.masks else 0.5
     zero = _zero(stands)
     joint = estimate
-    estimate, shown, bounded = find_observable(search, whole, estimate, zero, tell, done)
+    estimate, shown, bounded, without = find_observable(search, whole, estimate, zero, tell, done)
     known = known_of(search, whole, estimate, shown, bounded)
     start = np.where(zero, -NOTHING, [parameter.start for parameter in whole])
     wrong = refuted(estimate, known, start)
@@ -226,7 +227,11 @@ def _judged(
         wrong = refuted(estimate, {int(index): known[int(index)] for index in np.flatnonzero(shown)}, start)
     begun = search.begun
     found = mixed(stands, begun.moved(estimate.value), wrong)
-    rows = rows_of(run, now, begun, found, whatever_others(search, whole, joint, known))
+
+    def rows() -> tuple[Row, ...]:
+        intervals = logarithm_intervals(search, whole, joint, without, known)
+        return rows_of(run, now, begun, found, known, intervals)
+
     changes = changes_of(run, now, found)
     changed = run.experiment.copy().update(changes)
     tell("predicting withheld fixes", done + 0.1)
@@ -245,7 +250,7 @@ def _by_factors(
     changed = scaled(run.experiment, factors.r, factors.q)
     navigator = {"r_scale": changed.navigator.r_scale, "q_scale": changed.navigator.q_scale}
     found = now._replace(noise=factors.q * now.noise, factors=factors.r * now.factors)
-    rows = scaled_rows(run, now, found)
+    rows = partial(scaled_rows, run, now, found)
     return _Found(
         rows, {"navigator": navigator}, found, factors.before, factors.after, changed, False, "factors"
     )

@@ -179,6 +179,7 @@ def maximise(
     held: NDArray[np.bool_],
     progress: Progress = lambda _stage, _fraction: None,
     most: int = ROUNDS,
+    enough: float = math.inf,
 ) -> Estimate:
     """Return the most likely parameters.
 
@@ -196,6 +197,8 @@ def maximise(
         Called with a phrase and the fraction done; it may end the search by raising.
     most
         Most steps of the search.
+    enough
+        Log-likelihood at which the search ends.
 
     Raises
     ------
@@ -237,8 +240,8 @@ def maximise(
             sigma = np.sqrt(np.diag(np.linalg.inv(information)))
             small = bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
             place, here, value, damping = trial, there, better, damping / STIFFER
-            if small:
-                break  # the slopes there are those here
+            if small or value > enough:
+                break  # the slopes there are those here, or are not asked for
             slopes = _slopes(run, parameters, free, place, here, pool)
     white = is_white(here)
     sigma = np.zeros(len(parameters))

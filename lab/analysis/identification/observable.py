@@ -17,7 +17,6 @@ from lab.analysis.identification.assumptions import (
     NOISE,
     NOTHING,
     OBSERVABLE,
-    PARAMETERS,
     Assumed,
     Known,
 )
@@ -101,12 +100,12 @@ def maximised(
 
 def find_observable(
     search: Search, whole: list[Parameter], estimate: Estimate, zero: Flags, tell: Progress, done: float
-) -> tuple[Estimate, Flags, Flags]:
-    """Return the estimate with unobservable parameters held, and masks: observable, without lower bound.
+) -> tuple[Estimate, Flags, Flags, FloatArray]:
+    """Return the estimate with unobservable parameters held, masks (observable, without lower bound), losses.
 
     A noise that may be zero, if the others change with it, is not observable, unless the log refutes the
     assumed value: then the log shows an upper bound. Other poorly known parameters are also set back to their
-    start values.
+    start values. The losses (4,) are twice those of log-likelihood without each noise.
     """
     prior = np.array([parameter.prior for parameter in whole])
     start = np.array([parameter.start for parameter in whole])
@@ -115,21 +114,27 @@ def find_observable(
 
     every = np.arange(poor.size)
 
-    def refuted(index: int, value: float) -> bool:
+    def loss(index: int, value: float) -> float:
         other = estimate.value.copy()
         other[index] = value
-        if 2 * (estimate.log_likelihood - float(log_likelihoods(search.run(other)).sum())) <= REJECTED:
-            return False
-        # Another noise may stand for this one: only what no other parameters explain is refuted.
-        kept = search.held | (every == index) | (every >= LATENCY)
         try:
-            best = maximise(search.run, whole, other, kept, most=AHEAD).log_likelihood
+            lost = 2 * (estimate.log_likelihood - float(log_likelihoods(search.run(other)).sum()))
+            if lost <= REJECTED:
+                return lost
+            # Another noise may stand for this one: only what no other parameters explain is refuted.
+            kept = search.held | (every == index) | (every >= LATENCY)
+            enough = estimate.log_likelihood - REJECTED / 2
+            best = maximise(search.run, whole, other, kept, most=AHEAD, enough=enough).log_likelihood
         except (ValueError, np.linalg.LinAlgError):  # with this value, the filter cannot run
-            return True
-        return 2 * (estimate.log_likelihood - best) > REJECTED
+            return math.inf
+        return 2 * (estimate.log_likelihood - best)
 
+    def refuted(index: int, value: float) -> bool:
+        return loss(index, value) > REJECTED
+
+    without = np.array([loss(index, -NOTHING) for index in range(NOISE.stop)])
     for index in range(LOGARITHMS.stop):
-        if index < NOISE.stop and not refuted(index, -NOTHING):
+        if index < NOISE.stop and without[index] <= REJECTED:
             bounded[index] = not zero[index] and refuted(index, start[index])
             held[index] = not bounded[index]
         elif poor[index] and refuted(index, start[index]):
@@ -145,7 +150,7 @@ def find_observable(
         estimate = replace(
             estimate, sigma=np.where(unsure, np.maximum(estimate.sigma, together), estimate.sigma)
         )
-    return estimate, ~held, bounded
+    return estimate, ~held, bounded, without
 
 
 def _with_refuted(
@@ -168,13 +173,15 @@ def _with_refuted(
             break
         tried = []
         for one in left:
-            others = held & (np.arange(held.size) != one)
-            begin = np.where(others, stands, np.where(held, joint.value, estimate.value))
-            tried.append(maximise(search.run, whole, begin, others, most=AHEAD))
+            alone = np.arange(held.size) != one
+            begin = np.where(held & alone, stands, np.where(held, joint.value, estimate.value))
+            tried.append(maximise(search.run, whole, begin, alone, most=AHEAD))
         best = int(np.argmax([one.log_likelihood for one in tried]))
-        if tried[best].log_likelihood <= estimate.log_likelihood:
+        others = held & (np.arange(held.size) != left[best])
+        freed = maximise(search.run, whole, tried[best].value, others, most=AHEAD)
+        if freed.log_likelihood <= estimate.log_likelihood:
             break
-        held[left[best]], estimate = False, tried[best]
+        held[left[best]], estimate = False, freed
     return estimate
 
 
@@ -203,48 +210,6 @@ def _intervals(
     with ThreadPoolExecutor(max_workers=2) as pool:
         found = pool.map(lambda index: interval(search.run, whole, estimate, index), uneven)
         return ends | dict(zip(uneven, found, strict=True))
-
-
-def whatever_others(
-    search: Search, whole: list[Parameter], joint: Estimate, known: Mapping[int, Known]
-) -> dict[int, Known]:
-    """Return what the log shows of each parameter, whatever noise has the values that were held.
-
-    One noise can stand for another. So the upper end of noise that may be zero is where it stands for all
-    others that may, and other noise has an interval of the search for all parameters, too.
-
-    Parameters
-    ----------
-    search, whole
-        The search, and its parameters.
-    joint
-        The estimate of all parameters.
-    known
-        What the log shows beside values that were held.
-    """
-    noise = np.arange(PARAMETERS) < NOISE.stop
-    small = noise & (joint.sigma > UNLIKE_ZERO)
-    found = dict(known)
-    for index in sorted(set(known) & set(range(NOISE.stop))):
-        one, half = known[index], NORMAL * float(joint.sigma[index])
-        others = small & (np.arange(PARAMETERS) != index)
-        if not others.any():
-            continue
-        if not one.bounded:
-            low, high = joint.value[index] - half, joint.value[index] + half
-            found[index] = one._replace(low=min(one.low, float(low)), high=max(one.high, float(high)))
-            continue
-        begin = np.where(others, -NOTHING, joint.value)
-        held = others | (np.arange(PARAMETERS) >= LATENCY)
-        try:
-            alone = maximise(search.run, whole, begin, held, most=AHEAD)
-        except (ValueError, np.linalg.LinAlgError):  # without the other noise, the filter cannot run
-            continue
-        if joint.log_likelihood - alone.log_likelihood < REJECTED / 2:
-            alone = replace(alone, log_likelihood=max(alone.log_likelihood, joint.log_likelihood))
-            high = interval(search.run, whole, alone, index)[1]
-            found[index] = one._replace(high=max(one.high, high))
-    return found
 
 
 def refuted(estimate: Estimate, known: Mapping[int, Known], stands: FloatArray) -> Flags:

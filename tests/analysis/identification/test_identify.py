@@ -13,7 +13,8 @@ from lab import Experiment, ResultError
 from lab.analysis.identification.assumptions import PARAMETERS, Assumed, Known, parameters
 from lab.analysis.identification.identification import HeldOut, better
 from lab.analysis.identification.likelihood import Estimate, InnovationSeries, maximise
-from lab.analysis.identification.observable import find_observable, refuted, whatever_others
+from lab.analysis.identification.noise_intervals import logarithm_intervals
+from lab.analysis.identification.observable import find_observable, refuted
 from lab.analysis.identification.renavigation import subject
 from lab.base.parameters.setting_error import SettingError
 from lab.missions import read_sensor_log
@@ -330,13 +331,14 @@ def test_the_upper_end_of_a_noise_is_where_it_stands_for_all_others():
     search = Sum(2.0)
     whole = parameters(Assumed(np.ones(12), np.ones(3), 0.0, np.zeros(3)), np.full(3, 0.1))
     held = np.arange(PARAMETERS) > 1
+    search.held = held
     joint = maximise(search.run, whole, np.zeros(PARAMETERS), held)
     beside = np.log(np.sqrt(0.5))  # as far as the other noise of 1.5 leaves it
     known = {0: Known(beside, 0.1, beside - 0.2, beside + 0.2, bounded=True)}
-    found = whatever_others(search, whole, joint, known)[0]
+    low, high = logarithm_intervals(search, whole, joint, np.zeros(4), known)[0]
     highest = np.log(np.sqrt(np.mean(search.innovation**2) - 0.01)) + 1.96 / np.sqrt(4800)
-    assert found.high == pytest.approx(highest, abs=0.004)
-    assert found.low == known[0].low
+    assert high == pytest.approx(highest, abs=0.004)
+    assert low == -np.inf
 
 
 def test_a_noise_for_which_another_can_stand_is_not_observable():
@@ -347,6 +349,6 @@ def test_a_noise_for_which_another_can_stand_is_not_observable():
     joint = maximise(search.run, whole, np.zeros(PARAMETERS), search.held)
     sure = replace(joint, sigma=np.where(search.held, 0.0, 0.1))
     nothing = np.zeros(PARAMETERS, bool)
-    _, shown, bounded = find_observable(search, whole, sure, nothing, lambda *_: None, 0.5)
+    _, shown, bounded, _ = find_observable(search, whole, sure, nothing, lambda *_: None, 0.5)
     assert not shown[:2].any()
     assert not bounded[:2].any()

@@ -1,0 +1,205 @@
+"""Noise intervals: the 95 % interval of each noise, whatever the others are, by the profile likelihood.
+
+Far below the resolution of the fixes, a noise has no effect: its likelihood is flat there and steep above,
+and σ at the maximum says little. So the ends are where the likelihood, with the best values of the other
+noises, has fallen by what χ² of one degree of freedom allows. Each noise has an interval, whether or not the
+flight shows the noise: those that luck made large would contain the truth less often.
+
+References
+----------
+S. S. Wilks, *The large-sample distribution of the likelihood ratio for testing composite hypotheses*, Annals
+of Mathematical Statistics 9 (1938); D. J. Venzon, S. H. Moolgavkar, *A method for computing
+profile-likelihood-based confidence intervals*, Applied Statistics 37 (1988).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from lab.analysis.identification.assumptions import FIX, LATENCY, NOISE, NOTHING, PARAMETERS, Known
+from lab.analysis.identification.likelihood import NORMAL, Estimate, Parameter, log_likelihoods, maximise
+from lab.analysis.identification.observable import UNLIKE_ZERO, Search
+from lab.base.arrays import Flags, FloatArray
+
+TRIALS = 7
+"""Most trials for an end."""
+CLOSE = 0.1
+"""Accuracy of the loss at an end, before the last step to it, as a part of what is wanted."""
+ROUNDS_BESIDE = 2
+"""Most steps of the search for the best values of the other noises; it begins near them."""
+LEAST = 0.05
+"""Least loss in σ, and least part of a bracket that a trial leaves on each side. A plain choice."""
+STEP = 0.3
+"""Shortest step of the logarithm of a noise while an end is not enclosed."""
+BELOW = 0.35
+"""How far below its upper end another noise begins: a logarithm, of half the variance."""
+LARGE = 1e3
+"""Largest loss in σ that decides the next trial. A plain choice."""
+LONGEST = 2.0
+"""Longest such step."""
+
+Ends = tuple[float, float]
+"""Ends of an interval, in the coordinate of the search; −∞ if the noise may be zero."""
+
+
+def logarithm_intervals(
+    search: Search, whole: list[Parameter], joint: Estimate, without: FloatArray, known: Mapping[int, Known]
+) -> dict[int, Ends]:
+    """Return the 95 % interval of each noise and of each variance of a fix, whatever the other noises are.
+
+    Parameters
+    ----------
+    search, whole
+        The search, and its parameters.
+    joint
+        The estimate of all parameters.
+    without : (4,) array
+        Twice the losses of log-likelihood without each noise, as of `find_observable`.
+    known
+        What the log shows beside values that were held; the intervals contain its estimates.
+    """
+    noise, half = np.flatnonzero(~search.held[NOISE]), NORMAL * joint.sigma
+    profiles = [_Profile(search, whole, joint, without, int(index)) for index in noise]
+    highs = np.full(PARAMETERS, -math.inf)
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        highs[noise] = list(pool.map(_Profile.high, profiles))
+        lows = dict(zip(noise, pool.map(lambda one: one.low(highs), profiles), strict=True))
+    ends = {int(index): (lows[index], float(highs[index])) for index in noise}
+    for index in range(*FIX.indices(PARAMETERS)):
+        ends[index] = float(joint.value[index] - half[index]), float(joint.value[index] + half[index])
+    return {index: _with(known.get(index), *both) for index, both in ends.items()}
+
+
+def _with(known: Known | None, low: float, high: float) -> Ends:
+    """Return an interval that contains the estimate."""
+    if known is None:
+        return low, high
+    return -math.inf if known.bounded else min(low, known.value), max(high, known.value)
+
+
+class _Profile:
+    """The loss of likelihood over one noise, in the σ of a parabola.
+
+    Parameters
+    ----------
+    search, whole, joint, without, index
+        As of `logarithm_intervals`, and the index of the noise.
+
+    Attributes
+    ----------
+    wanted : float
+        The loss at the ends; correlated innovations raise it, as they do σ.
+    """
+
+    def __init__(
+        self, search: Search, whole: list[Parameter], joint: Estimate, without: FloatArray, index: int
+    ) -> None:
+        self._search, self._whole, self._joint, self._index = search, whole, joint, index
+        self._without = math.sqrt(max(float(without[index]), 0.0))
+        self._sigma = float(joint.sigma[index])
+        self.wanted = NORMAL * max(1.0, self._sigma / math.sqrt(joint.covariance[index, index]))
+        every = np.arange(PARAMETERS)
+        self._kept: Flags = search.held | (every == index) | (every >= LATENCY)
+        self._idle = (every < NOISE.stop) & (every != index)
+        self._idle[NOISE] &= without <= self.wanted**2
+
+    def _loss(self, likelihood: float) -> float:
+        return math.sqrt(max(2 * (self._joint.log_likelihood - likelihood), 0.0))
+
+    def _plain(self, at: float, places: Sequence[FloatArray]) -> tuple[float, int]:
+        """Return the least loss with the other noises at some places, and the index of the place."""
+        found = []
+        for place in places:
+            moved = place.copy()
+            moved[self._index] = at
+            try:
+                found.append(self._loss(float(log_likelihoods(self._search.run(moved)).sum())))
+            except (ValueError, np.linalg.LinAlgError):  # with this value, the filter cannot run
+                found.append(math.inf)
+        return min(found), int(np.argmin(found))
+
+    def _best(self, at: float, place: FloatArray, kept: Flags, most: int) -> tuple[float, FloatArray]:
+        """Return the loss with the best values of the others, and these."""
+        begin = place.copy()
+        begin[self._index] = at
+        try:
+            found = maximise(self._search.run, self._whole, begin, kept, most=most)
+        except (ValueError, np.linalg.LinAlgError):
+            return math.inf, place
+        return self._loss(found.log_likelihood), found.value
+
+    def high(self) -> float:
+        """Return the upper end: without the noises for which this one may stand, or with them."""
+        places = [self._joint.value, np.where(self._idle, -NOTHING, self._joint.value)]
+        certain = self._sigma < UNLIKE_ZERO
+        value, top = float(self._joint.value[self._index]), self._whole[self._index].high
+        at = value + NORMAL * self._sigma if certain else max(value, 0.0) + STEP
+        low, high, which = (value, LEAST) if certain else None, None, 0
+        for _ in range(TRIALS):
+            lost, which = self._plain(at, places)
+            if abs(lost / self.wanted - 1) < CLOSE or (lost < self.wanted and at >= top):
+                break
+            if lost < self.wanted:
+                low = at, max(lost, LEAST)
+            else:
+                high = at, lost
+            at = min(_between(low, high, self.wanted, at), top)
+        kept = self._kept | (self._idle if which else np.zeros(PARAMETERS, np.bool_))
+        for _ in range(2):
+            lost, _ = self._best(at, places[which], kept, 1)
+            if not math.isfinite(lost):
+                break
+            ratio = self.wanted / max(lost, LEAST)
+            step = (at - value) * (ratio - 1) if certain else math.log(ratio)
+            at = min(at + float(np.clip(step, -STEP, 2 * STEP)), top)
+            if abs(ratio - 1) < CLOSE:
+                break
+        return at
+
+    def low(self, highs: FloatArray) -> float:
+        """Return the lower end: with the noises that may stand for this one; `highs` are their upper ends."""
+        if self._without <= self.wanted:
+            return -math.inf
+        value = float(self._joint.value[self._index])
+        # Of its variance over that of the estimate, from 0 to 1.
+        first, last = (0.0, min(self._without, LARGE)), (1.0, 0.0)
+        at = max(
+            math.exp(-2 * NORMAL * self._sigma),
+            1 - self.wanted / self._without if self._without < 2 * self.wanted else 0.0,
+        )
+        kept = self._search.held | (np.arange(PARAMETERS) == self._index)
+        # Far below its upper end, a noise has no slope by which a search could find it.
+        places = [self._joint.value]
+        for other in np.flatnonzero(self._idle):
+            places.append(self._joint.value.copy())
+            places[-1][other] = max(places[-1][other], highs[other] - BELOW)
+        place = places[self._plain(value + 0.5 * math.log(at), places)[1]]
+        for _ in range(TRIALS):
+            lost, place = self._best(value + 0.5 * math.log(at), place, kept, ROUNDS_BESIDE)
+            if lost > self.wanted:
+                first = at, min(lost, LARGE)
+            else:
+                last = at, lost
+            part = (self.wanted - last[1]) / max(first[1] - last[1], LEAST)
+            near = abs(lost / self.wanted - 1) < CLOSE
+            part = part if near else float(np.clip(part, LEAST, 1 - LEAST))
+            at = last[0] + part * (first[0] - last[0])
+            if near:
+                break
+        return value + 0.5 * math.log(at)
+
+
+def _between(
+    low: tuple[float, float] | None, high: tuple[float, float] | None, wanted: float, at: float
+) -> float:
+    """Return the next trial for an end, from the trials below and above it: places and losses."""
+    if low is None or high is None:
+        (place, lost) = low or high or (at, wanted)
+        step = math.log(wanted / min(max(lost, LEAST), LARGE))
+        return place + math.copysign(float(np.clip(abs(step), STEP, LONGEST)), step)
+    parts = math.log(wanted / low[1]) / math.log(min(high[1], LARGE) / low[1])
+    return low[0] + float(np.clip(parts, LEAST, 1 - LEAST)) * (high[0] - low[0])
