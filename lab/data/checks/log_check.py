@@ -272,12 +272,16 @@ def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
     An axis that is not quite level follows the course as well as the vertical one, by some percent.
     """
     likeness = _likeness(log, motion)
-    if likeness is None:
+    rows = np.isfinite(motion.turn)
+    if likeness is not None:
+        factors = np.abs(likeness[np.abs(likeness[:, 0]) >= limits.LOG.axis_correlation, 1])
+    elif rows.sum() >= limits.LOG.legs and abs(turn := motion.turn[rows].mean()) > limits.LOG.gyro_bias:
+        factors = np.linalg.norm(np.median(log.rates[0], axis=0), keepdims=True) / abs(turn)  # a circle
+    else:
         return
-    following = np.abs(likeness[np.abs(likeness[:, 0]) >= limits.LOG.axis_correlation, 1])
-    if not following.size:
+    if not factors.any():
         return
-    factor = float(following.max())
+    factor = float(factors.max())
     unit = nearest(factor, UNITS["angle"], limits.LOG.degree_ratio)
     if unit:
         raise MissionError(

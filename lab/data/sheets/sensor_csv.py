@@ -39,7 +39,7 @@ from lab.data.sheets.sheet_clock import end_together, offset_that_agrees, remark
 from lab.data.sheets.sheet_field import field_of
 from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
-from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, without_gravity
+from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, refuse_cm_per_s2, without_gravity
 from lab.data.sheets.sheet_layout import as_utf8, layout_of
 from lab.data.sheets.sheet_pressure import barometer_of
 from lab.data.sheets.sheet_sources import (
@@ -238,6 +238,7 @@ def read_logs(
     )
     checked = partial(_oriented_log, name, vehicle, axes, pace_of(fixes))
     imu, (log, forward) = _in_unit_of_motion(imu, fixes, checked)
+    refuse_cm_per_s2(imu, fixes.gnss)
     ends_apart = end_together(imu.time, fixes.gnss)
     if ends_apart and not is_explained(log) and (found := _leap_seconds(imu, fixes.gnss, checked)):
         raise MissionError(f"{name}: the velocities do not change as the IMU says. {found}")
@@ -397,8 +398,15 @@ def units_of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
     ------
     MissionError
         As `lab.data.sheets.sheet_imu.imu_of`.
+    QuestionError
+        If the data do not decide the unit.
     """
     imu = imu_of(sheets)
+    try:
+        gnss = fixes_of(sheets).gnss
+    except MissionError:
+        gnss = None
+    refuse_cm_per_s2(imu, gnss)
     return [
         ColumnUnit(heading.text, triad.unit, triad.source)
         for triad in (imu.gyro, imu.accelerometer)

@@ -21,9 +21,12 @@ from lab.data.clock.faults import increasing, is_regular, set_backs
 from lab.data.clock.stamps import ACCEPTED, ZONES
 from lab.data.files.unit_names import UNITS
 from lab.data.log.log_remarks import span_text
+from lab.data.log.sensor_log import GnssLog
 from lab.data.sheets.column_names import GIVEN, VECTORS, Heading
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_clock import Clock, clock_of
+from lab.motion.frames.displacement import velocity_of_positions
+from lab.motion.kinematics.running_turns import turned
 
 _ONE_G = (0.6, 1.6)
 """Median length of a specific force [g]: of a vehicle, a walker or a hand it is near 1."""
@@ -136,8 +139,6 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     force, remarks = _with_gravity(forces, triads(sheets, "gravity"))
     gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
     time, samples, merged = _merged(gyro, force)
-    if force.unit == "mg" and force.source.startswith("guessed"):
-        refuse_cm_per_s2(time, samples, force)
     for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
         if others := [
             one.place for one in all_ if one.headings != taken.headings or one.sheet is not taken.sheet
@@ -245,8 +246,10 @@ _AT_REST = (0.93, 1.07)
 """Length of a specific force at rest [g]: MEMS have biases of 20 to 50 mg."""
 _QUIET = 0.03
 """σ of the samples within a second at rest, over g: idling engines shake by 0.02 g."""
+_REST_BLOCK = 1.0
+"""Length of a block that is at rest or not [s]."""
 _REST_BLOCKS = 3
-"""Fewest blocks of a second each at rest."""
+"""Fewest such blocks at rest."""
 _CALMEST = 0.1
 """Part of the blocks that are the calmest ones: a lap of two minutes begins with some ten seconds at rest."""
 _MAX_BLOCKS = 3600
@@ -261,7 +264,7 @@ def _length_at_rest(triad: Triad, unit: str) -> float:
     known = np.isfinite(triad.values).all(axis=1) & np.isfinite(triad.clock.time)
     values = triad.values[known] * UNITS["acceleration"][unit] / STANDARD_GRAVITY
     step = float(np.median(np.diff(triad.clock.time[known]))) if len(values) > 1 else 0.0
-    count = max(2, round(_AVERAGED / step)) if step > 0 else len(values) + 1
+    count = max(2, round(_REST_BLOCK / step)) if step > 0 else len(values) + 1
     blocks = values[: len(values) // count * count].reshape(-1, count, 3)[:_MAX_BLOCKS]
     if len(blocks) < _REST_BLOCKS:
         return 0.0
@@ -454,46 +457,70 @@ def _what_is_missing(sheets: Sequence[Sheet], gyros: bool, forces: bool) -> str:
     )
 
 
-_AVERAGED = 1.0
-"""Time over which the specific force is averaged against vibration [s]."""
-_CALM = 0.25
-"""Part of the averages with the slowest turns, by which gravity is judged: a banked turn adds to it."""
-_AMBIGUOUS = (0.971, 0.9905)
-"""Gravity read in mg [g] that may be cm/s² (0.9807) within 1 %. Measured: 0.996 to 1.009 in five minutes of a
-flight with turns. A bias of 20 mg, usual for MEMS, makes the same of mg."""
+_LEG = 4.0
+"""Time over which the specific force is summed, against vibration and the noise of velocities [s]."""
+_AMBIGUOUS = (0.95, 0.9905)
+"""Gravity read in mg [g] that may be cm/s² (0.9807). Eight real logs in known units have 0.984 to 1.011,
+and a bias of 20 mg is usual for MEMS: below the middle both are likely, down to a bias of 50 mg beside mg."""
 
 
-def refuse_cm_per_s2(time: FloatArray, samples: FloatArray, force: Triad) -> None:
+def size_of_gravity(imu: Imu, gnss: GnssLog | None) -> float:
+    """Return the force of an IMU over what the velocities of the fixes ask for [g]; NaN if they are too few.
+
+    Both are changes of velocity without gravity over some seconds: |Σ C f dt| / |Δv - g T|, C by the gyros.
+    Turns and climbs are in both, so it is 1 for any motion, and no attitude is needed.
+
+    Parameters
+    ----------
+    imu
+        The IMU, in its own axes.
+    gnss
+        The fixes; without any, the IMU is taken to be at rest.
+    """
+    known = np.isfinite(imu.samples).all(axis=1)
+    time, samples = imu.time[known], imu.samples[known]
+    if time.size < 2 or (gnss is not None and gnss.time.size < 2):
+        return float("nan")
+    at, velocity_n = np.arange(time[0], time[-1], _LEG), np.zeros(3)
+    if gnss is not None:
+        at = gnss.time - gnss.latency
+        by_position = velocity_of_positions(gnss.time, gnss.position)
+        velocity_n = np.where(np.isnan(gnss.velocity_n), by_position, gnss.velocity_n)
+    step = max(1, round(_LEG / float(np.median(np.diff(at))))) if at.size > 1 else 1
+    rows = np.flatnonzero((at >= time[0]) & (at <= time[-1]))[::step]
+    if rows.size < 2:
+        return float("nan")
+    at, velocity_n = at[rows], np.broadcast_to(velocity_n, (at.size, 3))[rows]
+    dt = np.diff(time)[:, None]
+    total = np.cumsum(turned(samples[1:, :3] * dt)[:-1].apply(samples[1:, 3:] * dt), axis=0)
+    gained = np.diff([np.interp(at, time[1:], column) for column in total.T]).T
+    expected = np.diff(velocity_n, axis=0)
+    expected[:, 2] -= STANDARD_GRAVITY * np.diff(at)
+    return float(np.nanmedian(np.linalg.norm(gained, axis=1) / np.linalg.norm(expected, axis=1)))
+
+
+def refuse_cm_per_s2(imu: Imu, gnss: GnssLog | None) -> None:
     """Raise if accelerations that are read as mg may be cm/s².
 
     Parameters
     ----------
-    time : (n,) array
-        Time stamps [s].
-    samples : (n, 6) array
-        Angular rate, and specific force read as mg [m/s²].
-    force
-        The accelerometer they are of.
+    imu, gnss
+        As of `size_of_gravity`.
 
     Raises
     ------
     QuestionError
         If gravity is as long as that in cm/s².
     """
-    known = np.isfinite(samples).all(axis=1) & np.isfinite(time)
-    samples = samples[known]
-    step = float(np.median(np.diff(time[known]))) if len(samples) > 1 else 0.0
-    count = min(max(1, round(_AVERAGED / step)) if step > 0 else 1, max(len(samples), 1))
-    parts = samples[: len(samples) // count * count].reshape(-1, count, 6)
-    if not len(parts):
+    force = imu.accelerometer
+    if not (force.unit == "mg" and force.source.startswith("guessed")):
         return
-    turn = np.linalg.norm(parts[:, :, :3], axis=2).mean(axis=1)
-    pull = np.linalg.norm(parts[:, :, 3:].mean(axis=1), axis=1)
-    size = float(np.median(pull[turn <= np.quantile(turn, _CALM)])) / STANDARD_GRAVITY
+    size = size_of_gravity(imu, gnss)
     if _AMBIGUOUS[0] < size < _AMBIGUOUS[1]:
+        by = "at rest" if gnss is None else "by the velocities of the fixes"
         raise QuestionError(
-            f"{force.place}: the accelerometers measure {1000 * size:.0f} without turns, which may be "
-            "gravity in cm/s² (981) or in mg (1000) with a bias, and the headings name no unit; accepted are "
-            "columns with their unit: for each of the three --unit HEADING=cm/s² or --unit HEADING=mg",
+            f"{force.place}: {by}, the accelerometers measure {1000 * size:.0f} for gravity, which may be "
+            "cm/s² (981) or mg (1000) with a bias, and the headings name no unit; accepted are columns with "
+            "their unit: for each of the three --unit HEADING=cm/s² or --unit HEADING=mg",
             {unit: {one.text: unit for one in force.headings} for unit in ("cm/s²", "mg")},
         )
