@@ -144,6 +144,13 @@ def report_file(result: Result, progress: Progress, notes: Sequence[Note] = ()) 
     return report_html(result, own).encode()
 
 
+def figures_file(result: Result, progress: Progress) -> bytes:
+    """Return the plots of a result as figures for print, each on a page of a PDF."""
+    from lab.views.paper_figure import pages  # noqa: PLC0415 - an opening page needs no matplotlib
+
+    return pages(result, progress)
+
+
 def json_file(result: Result, progress: Progress) -> bytes:
     """Return a result as JSON."""
     progress("Trying the advice of the verdict", 0.0)

@@ -18,6 +18,7 @@ from panel.custom import JSComponent
 
 from dashboards.address import Address
 from dashboards.exchange import (
+    figures_file,
     gpx_file,
     json_file,
     kml_file,
@@ -69,6 +70,7 @@ class Kind(NamedTuple):
 
 FILES = {
     "report": Kind("Report", "html", report_file),
+    "figures": Kind("Figures for print (PDF)", "pdf", figures_file),
     "data": Kind("All data (csv)", "zip", zipped_csv),
     "netcdf": Kind("Result (netCDF)", "nc", netcdf),
     "json": Kind("Result (JSON)", "json", json_file),
@@ -79,7 +81,7 @@ COPIES = {"link": "Copy link", "command": "Copy as command", "python": "Copy as 
 ENTRIES = (
     *COPIES.items(),
     ("", ""),
-    ("report", FILES["report"].label),
+    *((key, FILES[key].label) for key in ("report", "figures")),
     ("settings", "Settings file"),
     ("seen", "Data as seen (csv)"),
     *((key, FILES[key].label) for key in ("data", "netcdf", "json", "kml", "gpx")),

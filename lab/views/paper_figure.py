@@ -14,6 +14,7 @@ https://holoviews.org/user_guide/Applying_Customizations.html
 
 from __future__ import annotations
 
+import io
 import re
 import threading
 from collections.abc import Mapping, Sequence
@@ -25,12 +26,15 @@ import holoviews as hv
 import param
 
 from lab.base.files.atomic_file import atomic_file
+from lab.base.progress import Progress
 from lab.base.result_files import refuse_existing
 from lab.run.provenance import block_of
 from lab.views.paper_panel import LETTER, SIZE, Keys, PaperPanel, options_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from lab.experiment.result import Result
 
 ENDINGS = (".pdf", ".svg", ".png")
 """Endings of the files that can be written."""
@@ -182,10 +186,12 @@ def save(
     """Write plots as a figure for print; see `Layout.save`."""
     path = Path(path)
     check_name(path)
-    panels = [drawn] if isinstance(drawn, hv.Overlay) else list(drawn)
-    wide = millimetres(width, "width") if width is not None else WIDE if len(panels) > 1 else NARROW
-    tall = None if height is None else millimetres(height, "height")
-    across = _columns(columns, wide, len(panels), getattr(drawn, "_max_cols", 1))
+    wide, tall = (
+        None if one is None else millimetres(one, name)
+        for one, name in ((width, "width"), (height, "height"))
+    )
+    panels = _panels(drawn)
+    across = _columns(columns, wide or _wide(panels), len(panels), getattr(drawn, "_max_cols", 1))
     refuse_existing([path], overwrite)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
@@ -193,9 +199,44 @@ def save(
     import matplotlib as mpl  # noqa: PLC0415 - takes 0.3 s to import, and the page does without
 
     with _LOCK, mpl.rc_context(STYLE), atomic_file(path) as file:
-        figure = drawn_figure(panels, wide, tall, across)
+        figure = drawn_figure(panels, wide or _wide(panels), tall, across)
         kind = path.suffix.lower().removeprefix(".")
         figure.savefig(file, format=kind, dpi=RASTER, metadata=_metadata(facts, kind))
+
+
+def pages(result: Result, progress: Progress) -> bytes:
+    """Return all plots that a result has as a PDF: each on a page of its own size, drawn as by `Layout.save`.
+
+    Parameters
+    ----------
+    result
+        The result.
+    progress
+        Told the name and the part of the plots that are done.
+    """
+    import matplotlib as mpl  # noqa: PLC0415 - as above
+    from matplotlib.backends.backend_pdf import PdfPages  # noqa: PLC0415 - as above
+
+    names, buffer = result.plot.__dir__(), io.BytesIO()
+    # Fonts are written at the end, in the style that holds then.
+    with _LOCK, mpl.rc_context(STYLE), PdfPages(buffer, metadata=_metadata(result.facts, "pdf")) as file:
+        for number, name in enumerate(names):
+            progress(f"Drawing {name.replace('_', ' ')}", number / len(names))
+            drawn = getattr(result.plot, name)()
+            panels = _panels(drawn)
+            width = _wide(panels)
+            across = _columns(None, width, len(panels), getattr(drawn, "_max_cols", 1))
+            file.savefig(drawn_figure(panels, width, None, across))
+    return buffer.getvalue()
+
+
+def _panels(drawn: _Saved) -> list[Any]:
+    return [drawn] if isinstance(drawn, hv.Overlay) else list(drawn)
+
+
+def _wide(panels: Sequence[Any]) -> float:
+    """Return the width that plots have by themselves [mm]."""
+    return WIDE if len(panels) > 1 else NARROW
 
 
 def note(path: Path) -> str:

@@ -12,6 +12,7 @@ import netCDF4
 import pytest
 from playwright.sync_api import Browser, FloatRect, Locator, Page, TimeoutError, ViewportSize, expect
 
+from lab.views.cards import PLOTS
 from tests.browser.conftest import (
     CURVE,
     DATA,
@@ -366,6 +367,10 @@ def test_results_are_downloaded(shared_page: Page) -> None:
             share(page, label)
         assert download.value.suggested_filename == f"montreal_4.{ending}"
         assert words in download.value.path().read_text(encoding="utf-8")
+    with page.expect_download() as download:
+        share(page, "Figures for print (PDF)")
+    assert download.value.suggested_filename == "montreal_4.pdf"
+    assert download.value.path().read_bytes().count(b"/MediaBox") == len(PLOTS)
 
 
 def test_a_settings_file_that_is_none_is_answered_in_red_and_the_next_one_is_taken(shared_page: Page) -> None:

@@ -26,6 +26,7 @@ from lab.views.export import ENDINGS, gpx, kml
 from lab.views.export.tracks import Tracks
 from lab.views.mission_card import mission_html
 from lab.views.paper_figure import ENDINGS as FIGURES
+from lab.views.paper_figure import pages
 from tests.security.test_hidden_settings import (
     HIDDEN_SEED,
     SECRET,
@@ -74,6 +75,7 @@ WRITERS: dict[str, Callable[[Result, Path], Any]] = {
     "folder": lambda result, path: result.to_csv(path),
     "run.json": lambda result, path: path.write_text(result.to_json(), "utf-8"),
     "run.html": lambda result, path: result.report(path),
+    "all.pdf": lambda result, path: path.write_bytes(pages(result, lambda _words, _part: None)),
     **{f"run{ending}": export_track for ending in ENDINGS if ending != ".parquet"},
     **{
         f"{name}{ending}": lambda result, path: getattr(result.plot, path.stem)().save(path)

@@ -18,10 +18,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from lab import Experiment, Result
+from lab import Experiment, Result, open_result
 from lab.experiment.sweep import Sweep
 from lab.views.cards import PLOTS
-from lab.views.paper_figure import RASTER, STYLE, Layout, drawn_figure, millimetres
+from lab.views.paper_figure import RASTER, STYLE, Layout, drawn_figure, millimetres, pages
 from tests.cli.asking import ask, refused
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -129,6 +129,19 @@ def test_a_pdf_embeds_truetype_at_the_width_asked_for(result: Result, tmp_path: 
     font = zlib.decompress(stream[1])
     assert font[:4] == b"\x00\x01\x00\x00"
     assert b"glyf" in font[:300]
+
+
+def test_all_plots_are_the_pages_of_one_pdf_that_says_what_made_it(result: Result, tmp_path: Path) -> None:
+    path, parts = tmp_path / "run.pdf", []
+    path.write_bytes(pages(result, lambda words, part: parts.append((words, part))))
+    content = path.read_bytes()
+    boxes = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) [\d.]+ \]", content)
+    widths = [round(float(wide) / 72 * 25.4) for wide in boxes]
+    assert widths == [88 if name == "ground_track" else 180 for name in PLOTS]
+    assert [words.removeprefix("Drawing ").replace(" ", "_") for words, _ in parts] == list(PLOTS)
+    assert [part for _, part in parts] == sorted(part for _, part in parts)
+    assert b"/Type3" not in content
+    assert open_result(path).experiment.to_dict() == result.experiment.to_dict()
 
 
 def test_svg_has_outlines_and_png_its_resolution(result: Result, tmp_path: Path) -> None:
