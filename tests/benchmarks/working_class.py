@@ -1,7 +1,7 @@
 """How long students wait who each work: ``python -m tests.benchmarks.working_class STUDENTS CORES [flags]``.
 
-The server, with these flags of `serve`, has some cores of its own; the students' pages are on the others. Each
-student changes a setting again and again, after pauses of random length, and waits for the new curves.
+The server, with these flags of `serve`, has some cores of its own; the pages of students are on the others.
+Each student changes a setting again and again, after pauses of random length, and waits for the new curves.
 """
 
 from __future__ import annotations
