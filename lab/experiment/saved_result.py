@@ -346,7 +346,7 @@ def _of_netcdf(path: Path) -> SavedResult:
         tree.load()
         datasets = {name: one.to_dataset() for name, one in tree.children.items()}
         if tree.data_vars:
-            datasets[""] = tree.to_dataset()
+            datasets["sweep"] = tree.to_dataset()
         attributes: dict[Any, Any] = {
             name: one.tolist() if hasattr(one, "tolist") else one for name, one in tree.attrs.items()
         }
@@ -355,7 +355,7 @@ def _of_netcdf(path: Path) -> SavedResult:
     tables = {
         name: parse_toml(str(attributes[name])) for name in ("versions", "settings") if name in attributes
     }
-    kinds = {"": SWEEP, "runs": ENSEMBLE, "outages": OUTAGES}  # files of version 0.1 do not say so
+    kinds = {"sweep": SWEEP, "runs": ENSEMBLE, "outages": OUTAGES}  # files of version 0.1 do not say so
     schema = next((kind for name, kind in kinds.items() if name in datasets), RESULT)
     return SavedResult(path, {"schema": schema, **attributes, **tables}, datasets)
 

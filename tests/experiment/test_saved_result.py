@@ -228,7 +228,8 @@ def test_files_of_version_0_1_still_open(result: Result, tmp_path: Path) -> None
         tree.attrs |= {"title": "many", "settings": settings}
         tree.to_netcdf(tmp_path / f"{kind}.nc")
         saved = open_result(tmp_path / f"{kind}.nc")
-        assert (saved.kind, saved.datasets[group].nis.item()) == (kind, 6.0)
+        assert (saved.kind, getattr(saved, group or "sweep").nis.item()) == (kind, 6.0)
+        assert f"; {group or 'sweep'}>" in repr(saved)
         with pytest.raises(ResultError, match="does not say what was run"):
             saved.run()
 
