@@ -10,8 +10,9 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
+from dashboards.field_text import number, shown
 from dashboards.style import TOOLTIP
-from dashboards.widgets import Change, TextField, number, shown
+from dashboards.widgets import Change, TextField
 from lab.base.parameters.setting_kinds import requirement
 from lab.base.parameters.units import TO_SI
 

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 from urllib.parse import parse_qsl
 
+from dashboards.field_text import shown
 from dashboards.mission_titles import mission_titles
 from dashboards.query import default_settings
 from dashboards.seen_names import seen_name
 from dashboards.session import Glide
 from dashboards.sigmas import sigma_at, to_sigma
 from dashboards.teaching.moment import Place
-from dashboards.widgets import shown
 from lab.missions import missions
 
 MOST = 100

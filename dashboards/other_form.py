@@ -8,7 +8,8 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
-from dashboards.widgets import Change, Field, label_of, per_axis
+from dashboards.field_text import label_of, per_axis
+from dashboards.widgets import Change, Field
 
 
 class OtherFormField(Field):

@@ -12,6 +12,7 @@ import param
 
 from dashboards.card_chooser import CardChooser
 from dashboards.covariance_field import CovarianceField
+from dashboards.field_text import FOLLOWS
 from dashboards.mission_titles import mission_titles
 from dashboards.notice import Notice
 from dashboards.other_form import OtherFormField
@@ -20,7 +21,7 @@ from dashboards.setting_finder import MARKED, SettingFinder, mark_changed
 from dashboards.sigmas import sigma_of
 from dashboards.style import HIDDEN_LABEL, TOOLTIP
 from dashboards.titled import Card
-from dashboards.widgets import FOLLOWS, SETTING, ChoiceField, Field, TextField, field
+from dashboards.widgets import SETTING, ChoiceField, Field, TextField, field
 from lab.base.aid_table import AIDS
 from lab.base.parameters.setting_error import RefusedValueError, SettingError
 from lab.base.parameters.setting_kinds import MatrixOrNone

@@ -15,29 +15,26 @@ import panel_material_ui as pmui
 from dashboards.algorithms import served_algorithm, served_names
 from dashboards.card_chooser import CardChoice
 from dashboards.computing import attempt
-from dashboards.ensembles import ensemble, who_runs
+from dashboards.ensembles import ensemble
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.outages import PALE, PLAIN, Outages
 from dashboards.pages.summary import TABLE_STYLE, summary_html
+from dashboards.pages.sweep_part import SweepPart
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
-from dashboards.settings_panel import check_variant, may_change
+from dashboards.settings_panel import check_variant
 from dashboards.style import WHOLE
-from dashboards.sweep_choice import Plan, SweepChoice, as_fields, present
 from lab.base.cache import digest
-from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.experiment.ensembles.comparison import models
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.experiment.sweep import Sweep
 from lab.sensors.cards import card
 from lab.views.figures import TimeAxis
 from lab.views.quantities import LETTERS
 from lab.views.run_comparison import Assessment, Row, assess, assess_seeds, comparison_html
-from lab.views.sweep_figure import is_known, sweep_figure
 
 _STYLE = """
 .wide { overflow-x: auto; max-width: 100%; }
@@ -62,11 +59,6 @@ MEAN = "Mean of"
 SEEDS = 20
 MOST_SEEDS = 1000
 OLD = "These are of earlier settings."
-ABOUT_CURVE = (
-    "Line: mean over the seeds. Band: 90 % of the runs. Dashed: what the filter expects. Dotted: the present "
-    "value."
-)
-ABOUT_MAP = "Colour: mean over the seeds. Dotted: the present values."
 STOPPED = Assessment(verdict="Stopped.")
 
 
@@ -77,15 +69,6 @@ class Item(NamedTuple):
     name: str
     group: str
     compute: Callable[[Progress, Callable[[Ensemble], None]], Assessment]
-
-
-class Swept(NamedTuple):
-    """A sweep as far as it is run, with what distinguishes it; without one, why there is none."""
-
-    key: str
-    sweep: Sweep | None
-    is_complete: bool = True
-    problem: str = ""
 
 
 class Compare(ComputedPage):
@@ -104,10 +87,6 @@ class Compare(ComputedPage):
         self._keys: WeakKeyDictionary[Result, str] = WeakKeyDictionary()
         self._known: dict[str, Assessment] = {}
         self._some: dict[str, Assessment] = {}
-        self._plan: Plan | None = None
-        self._swept = Swept("", None)
-        self._sweep_memo: tuple[Any, str] = (None, "")
-        self._figure_shows: tuple[Any, ...] = ()
         self._doing: tuple[str, ...] = ()
         self._stopped = False
         self._summary = ""
@@ -141,7 +120,7 @@ class Compare(ComputedPage):
             visible=False,
         )
         self._seeds.param.watch(lambda _event: self._changed(), "value")
-        self._sweep = SweepChoice(self._run_sweep, lambda: self._draw_sweep(self._wanted))
+        self._sweep = SweepPart(self._key, self._changed, self._draw_sweep)
         self._outages = Outages()
         self._baseline = pmui.Select(
             label="Percent relative to", options=[NOW], value=NOW, size="small", width=220, margin=(6, 12)
@@ -154,15 +133,13 @@ class Compare(ComputedPage):
         self._table = pn.pane.HTML(
             "", sizing_mode="stretch_width", margin=(4, 16), stylesheets=[TABLE_STYLE, _STYLE]
         )
-        self._figure = pn.Column(sizing_mode="stretch_width", margin=(4, 8))
         said = pn.pane.HTML("Add:", margin=(14, 4, 0, 16))
         bar = pn.FlexBox(
             said, *self._add.values(), self._stop, self._baseline, margin=0, align_items="center"
         )
-        parts = bar, self._cards.view, self._seeds, self.words, self._table, self._sweep.view, self._figure
-        return pn.Column(
-            *parts, self._outages.view, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE]
-        )
+        parts = bar, self._cards.view, self._seeds, self.words, self._table
+        parts += self._sweep.choice.view, self._sweep.figure, self._outages.view
+        return pn.Column(*parts, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
 
     def _on(self, name: str) -> bool:
         return bool(self._add[name].value)
@@ -236,11 +213,9 @@ class Compare(ComputedPage):
         """
         experiment = result.experiment
         assert isinstance(experiment, Experiment)
-        if self._on("A sweep"):
-            self._sweep.suit(experiment, bool(result.recorded), self._sigmas)
+        sigmas = self._session is not None and self._session.shows_sigmas
+        self._sweep.suit(result, is_on=self._on("A sweep"), sigmas=sigmas)
         self._outages.suit(experiment, bool(result.recorded))
-        if self._plan is not None and not all(may_change(experiment, path) for path in self._plan.values):
-            self._plan = None  # it was made before a homework was opened
         is_long = result.is_long
         if is_long:
             self._summary = summary_html(result)
@@ -252,8 +227,8 @@ class Compare(ComputedPage):
         for kept in (self._known, self._some):
             for key in set(kept) - set(wanted):
                 kept.pop(key, None)
-        doing = (*wanted, self._sweep_key(result))
-        if self._stopped or not (set(wanted) - set(self._known) or self._sweep_is_pending(result)):
+        doing = (*wanted, self._sweep.key(result))
+        if self._stopped or not (set(wanted) - set(self._known) or self._sweep.is_pending(result)):
             self._doing = ()
             self._work.cancel()
             self._paint(result, None)
@@ -267,29 +242,6 @@ class Compare(ComputedPage):
             self._work.submit(result)
             if is_long and self._session is not None:
                 self._session.release()
-
-    @property
-    def _sigmas(self) -> bool:
-        """Whether fields show σ of a variance."""
-        return self._session is not None and self._session.shows_sigmas
-
-    def _sweep_is_pending(self, result: Result) -> bool:
-        key = self._sweep_key(result)
-        return bool(key) and not (self._swept.key == key and self._swept.is_complete)
-
-    def _sweep_key(self, result: Result) -> str:
-        """Return what distinguishes the sweep; the present values of the swept settings do not matter."""
-        plan = self._plan
-        if plan is None or not self._on("A sweep"):
-            return ""
-        of, memo = (self._key(result), plan), self._sweep_memo
-        if memo[0] != of:
-            point = result.experiment.copy()
-            for path, values in plan.values.items():
-                point.set(path, values[0])
-            memo = of, digest(result.mission.content_hash, point.to_dict(), point.hidden, plan)
-            self._sweep_memo = memo
-        return memo[1]
 
     def work_out(self, result: Result, progress: Progress) -> None:
         """Compute the rows that are not known, one after the other, then the sweep."""
@@ -309,39 +261,20 @@ class Compare(ComputedPage):
             found = attempt(partial(item.compute, tell, show))
             self._known[item.key] = _as_seen(found.result or Assessment(verdict=found.problem))
             self._later(partial(self._draw_some, result))
-        if self._sweep_is_pending(result):
-            self._work_out_sweep(result, progress)
-
-    def _work_out_sweep(self, result: Result, progress: Progress) -> None:
-        """Run the sweep with one seed, with two, and so on, so that it is soon seen."""
-        plan, key, experiment = self._plan, self._sweep_key(result), result.experiment
-        assert plan is not None
-        assert isinstance(experiment, Experiment)
-        seeds = 1
-        while True:
-            who = who_runs(experiment)
-            outcome = attempt(partial(experiment.sweep, plan.values, seeds, progress, **who))
-            if outcome.result is None:
-                self._swept = Swept(key, None, problem=outcome.problem)
-                return
-            sweep: Sweep = outcome.result
-            self._swept = Swept(key, sweep, is_complete=seeds == plan.seeds)
-            if seeds == plan.seeds:
-                return
-            self._later(partial(self._draw_some, result))
-            seeds = min(2 * seeds, plan.seeds)
+        if self._sweep.is_pending(result):
+            self._sweep.work_out(result, progress, lambda: self._later(partial(self._draw_some, result)))
 
     def _draw_some(self, result: Result) -> None:
         """Draw what is computed so far."""
         if result is self._wanted and self._document is not None:
             with together(self._document):
                 self._write(result)
-                self._draw_sweep(result)
+                self._sweep.draw(result, stopped=self._stopped)
 
     def paint(self, result: Result, _content: None) -> str:
         """Draw what is computed, and say what the percent are relative to."""
         self._write(result)
-        self._draw_sweep(result)
+        self._sweep.draw(result, stopped=self._stopped)
         self._stop.param.update(visible=self._stopped, label="Go on")
         if self._table.styles == PALE:
             return OLD
@@ -374,44 +307,15 @@ class Compare(ComputedPage):
             self._baseline.param.update(options=names, value=kept)
         self._table.object = comparison_html(rows, str(self._baseline.value))
 
-    def _draw_sweep(self, result: Result | None) -> None:
-        """Draw the sweep, if it is of the present settings; otherwise say what there is."""
-        if result is None:
-            return
-        key, (of, sweep, _complete, problem) = self._sweep_key(result), self._swept
-        now = {} if self._plan is None else present(result.experiment, self._plan.values, self._sigmas)
-        shows = (key, self._swept, self._sweep.metric, self._stopped, self._sigmas, now)
-        if shows == self._figure_shows:
-            return
-        self._figure_shows = shows
-        if not key:
-            self._figure[:] = []
-        elif of != key:
-            self._figure[:] = [
-                _words("The sweep is stopped." if self._stopped else "The sweep is computed …")
-            ]
-        elif sweep is None:
-            self._figure[:] = [_words(as_seen(problem))]
-        else:
-            self._figure[:] = [
-                self._figure_of(sweep, result, now),
-                *(_words(as_seen(reason)) for reason in sweep.refused),
-            ]
-
-    def _figure_of(self, sweep: Sweep, result: Result, now: dict[str, float]) -> pn.viewable.Viewable:
-        metric = self._sweep.metric
-        if not is_known(sweep, metric):
-            return _words(f"{metric}: unknown. {result.missing_reason('errors')}")
-        figure = sweep_figure(as_fields(sweep, self._sigmas), metric, now)
-        plot = pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)
-        about = ABOUT_CURVE if len(sweep.dims) == 1 else ABOUT_MAP
-        return pn.Column(plot, _words(about), sizing_mode="stretch_width", margin=0)
+    def _draw_sweep(self) -> None:
+        if self._wanted is not None:
+            self._sweep.draw(self._wanted, stopped=self._stopped)
 
     def _changed(self) -> None:
         """Add or remove what was chosen."""
         self._cards.view.visible = self._on("Sensor cards")
         self._seeds.visible = self._on("Seeds")
-        self._sweep.view.visible = self._on("A sweep")
+        self._sweep.choice.view.visible = self._on("A sweep")
         self._outages.view.visible = self._on("Outages")
         self._stopped = False
         self._draw_again()
@@ -423,15 +327,6 @@ class Compare(ComputedPage):
             self.draw(self._wanted)
         else:
             self.draw_again()
-
-    def _run_sweep(self) -> None:
-        try:
-            self._plan = self._sweep.plan()
-        except SettingError as error:
-            self._plan, self._figure_shows = None, ()
-            self._figure[:] = [_words(str(error))]
-            return
-        self._changed()
 
     def _stop_or_go_on(self) -> None:
         self._stopped = not self._stopped
@@ -448,7 +343,7 @@ class Compare(ComputedPage):
         """Mark what is shown as that of earlier settings, or no longer."""
         styles = PALE if old else PLAIN
         if self._table.styles != styles:
-            self._table.styles = self._figure.styles = styles
+            self._table.styles = self._sweep.figure.styles = styles
             if old:
                 self.say(OLD)
 
@@ -465,14 +360,14 @@ class Compare(ComputedPage):
     def close(self) -> None:
         """Compute no more."""
         self._known.clear()
-        self._swept = Swept("", None)
+        self._sweep.close()
         self._outages.close()
         super().close()
 
     def clear(self) -> None:
         """Show nothing."""
-        self._table.object, self._figure_shows = "", ()
-        self._figure[:] = []
+        self._table.object = ""
+        self._sweep.clear()
 
 
 def _of_model(experiment: Experiment, name: str, progress: Progress, _show: Any) -> Assessment:
@@ -519,10 +414,3 @@ def _are_of(result: Result, experiment: Experiment) -> bool:
 
 def _as_seen(found: Assessment) -> Assessment:
     return replace(found, verdict=as_seen(found.verdict))
-
-
-def _words(text: str) -> pn.viewable.Viewable:
-    style = [TABLE_STYLE, _STYLE]
-    return pn.pane.HTML(
-        f"<p>{escape(text)}</p>", sizing_mode="stretch_width", margin=(2, 8), stylesheets=style
-    )

@@ -13,12 +13,12 @@ import param
 from panel.custom import JSComponent
 
 from dashboards.card_chooser import load_card
+from dashboards.field_text import shown
 from dashboards.pages.base import Page
 from dashboards.pages.sheet_form import SheetForm
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.session import Session
 from dashboards.style import WHOLE
-from dashboards.widgets import shown
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.sensors.cards import GRADES, KEY_TERMS, Card, card, card_in_force, cards

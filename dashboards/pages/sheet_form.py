@@ -10,10 +10,10 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.exchange import Download
+from dashboards.field_text import shown
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.session import Session
 from dashboards.style import WHOLE
-from dashboards.widgets import shown
 from lab.base.parameters.setting_error import SettingError
 from lab.missions import MissionError
 from lab.missions.mission_name import accepted_name

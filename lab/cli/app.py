@@ -33,6 +33,16 @@ class CommandError(ValueError):
     """A command with invalid arguments; the message says what is accepted."""
 
 
+@contextlib.contextmanager
+def writing(path: object, option: str = "") -> Iterator[None]:
+    """Write a file that an option names; `CommandError` if it cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        where = f"{option} {path}".strip()
+        raise CommandError(f"{where}: cannot be written: {error.strerror or error}") from error
+
+
 class Commands(typer.core.TyperGroup):
     """The commands; an error that a person can correct gives a message instead of a traceback."""
 

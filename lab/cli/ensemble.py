@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import CommandError, print_json, working
+from lab.cli.app import print_json, working, writing
 from lab.cli.interrupt import STOPPED, interrupted
 from lab.cli.options import (
     AlgorithmFile,
@@ -26,7 +26,7 @@ from lab.cli.options import (
     Seed,
     Seeds,
     Workers,
-    algorithms,
+    algorithm,
     check_out,
     cluster_of,
     experiment,
@@ -100,13 +100,12 @@ def ensemble(
         working(chosen.mission) as progress,
         interrupted() as pressed,
     ):
-        navigators = algorithms([own] if own else None)
         found = run_ensemble(
             chosen,
             seeds,
             progress,
             workers=workers,
-            algorithm=next(iter(navigators.values()), None),
+            algorithm=algorithm(own),
             cancelled=pressed.is_set,
             fast=fast,
             client=client,
@@ -121,10 +120,8 @@ def ensemble(
     else:
         print("\n\n".join((_heading(facts, done), _errors(facts), verdict_text(verdict))))
     if out is not None:
-        try:
+        with writing(out, "--out"):
             found.to_netcdf(out, overwrite=force)
-        except OSError as error:
-            raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
     if done < seeds:
         print(f"ins-lab: stopped after {done:,} of {seeds:,} runs", file=sys.stderr)
         raise typer.Exit(STOPPED)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lab.cli.app import CommandError
+from lab.cli.app import CommandError, writing
 from lab.cli.options import Force, Mission, check_out
 from lab.missions import mission as find_mission
 
@@ -75,7 +75,5 @@ def write(source: Found | Result, path: Path, force: bool, option: str) -> None:
     """
     from lab.views.export import export_track  # noqa: PLC0415 - takes a second
 
-    try:
+    with writing(path, option):
         export_track(source, path, overwrite=force)
-    except OSError as error:
-        raise CommandError(f"{option} {path}: cannot be written: {error.strerror or error}") from error

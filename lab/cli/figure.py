@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lab.cli.app import CommandError, working
+from lab.cli.app import CommandError, working, writing
 from lab.cli.options import (
     AlgorithmFile,
     Assignments,
@@ -17,7 +17,7 @@ from lab.cli.options import (
     Force,
     Mission,
     Seed,
-    algorithms,
+    algorithm,
     check_out,
     experiment,
 )
@@ -87,12 +87,9 @@ def figure(
         raise CommandError(str(error)) from error
     chosen = experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
-        navigators = algorithms([own] if own else None)
-        result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
+        result = chosen.run(progress, algorithm=algorithm(own))
         if reason := result.missing_reason(plot):
             raise CommandError(f"--plot {plot}: {reason} Accepted are {', '.join(dir(result.plot))}")
-        try:
+        with writing(to, "--to"):
             getattr(result.plot, plot)().save(to, width, height=height, overwrite=force)
-        except OSError as error:
-            raise CommandError(f"--to {to}: cannot be written: {error.strerror or error}") from error
     print(to)

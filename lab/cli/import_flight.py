@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 import typer
 
-from lab.cli.app import CommandError, print_json, working
+from lab.cli.app import CommandError, print_json, working, writing
 from lab.cli.options import AsJson, Columns, Force, Units, corrections
 
 if TYPE_CHECKING:
@@ -283,10 +283,8 @@ def _preview(read: FlightImport, file: Path) -> Path:
     from lab.views.import_preview import save_preview  # noqa: PLC0415 - Bokeh takes a second
 
     out = Path(f"{file.name}.preview.html")
-    try:
+    with writing(out):
         save_preview(read, out)
-    except OSError as error:
-        raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
     return out
 
 

@@ -223,6 +223,11 @@ def algorithms(places: Sequence[str] | None) -> dict[str, Algorithm]:
         raise CommandError(f"--algorithm {error}") from error
 
 
+def algorithm(place: str | None) -> Algorithm | None:
+    """Return the one algorithm that --algorithm names, if it does; see `algorithms`."""
+    return next(iter(algorithms([place] if place else None).values()), None)
+
+
 @contextlib.contextmanager
 def cluster_of(scheduler: str | None) -> Iterator[Client | None]:
     """Yield a client of the scheduler that --scheduler names; None without one.

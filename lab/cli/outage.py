@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import CommandError, print_json, working
+from lab.cli.app import print_json, working, writing
 from lab.cli.interrupt import STOPPED, interrupted
 from lab.cli.options import (
     AsJson,
@@ -134,7 +134,5 @@ def _write(found: OutageTable, chosen: Experiment, given: Mapping[str, Any], out
         result_sha256=dataset_digest(data),
     )
     about = attributes_of(facts, f"Outages of {found.seconds:g} s, {chosen.mission}")
-    try:
+    with writing(out, "--out"):
         write_netcdf(out, lambda: {"outages": data}, about, overwrite=force)
-    except OSError as error:
-        raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lab.cli.app import CommandError, print_json, working
+from lab.cli.app import CommandError, print_json, working, writing
 from lab.cli.options import (
     AlgorithmFile,
     AsJson,
@@ -19,7 +19,7 @@ from lab.cli.options import (
     Further,
     Mission,
     Seed,
-    algorithms,
+    algorithm,
     check_out,
     experiment,
     further_parts,
@@ -63,12 +63,9 @@ def report(
     notes = [_note(text) for text in note or ()]
     chosen = experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
-        navigators = algorithms([own] if own else None)
-        result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
-        try:
+        result = chosen.run(progress, algorithm=algorithm(own))
+        with writing(to, "--to"):
             result.report(to, overwrite=force, notes=notes)
-        except OSError as error:
-            raise CommandError(f"--to {to}: cannot be written: {error.strerror or error}") from error
         if as_json:
             found = json_facts(result, more, progress, report=to)
     if as_json:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import CommandError, print_json, working
+from lab.cli.app import CommandError, print_json, working, writing
 from lab.cli.export import check_export, write
 from lab.cli.options import (
     AlgorithmFile,
@@ -21,7 +21,7 @@ from lab.cli.options import (
     Further,
     Mission,
     Seed,
-    algorithms,
+    algorithm,
     check_out,
     experiment,
     further_parts,
@@ -126,8 +126,7 @@ def run(
     chosen = experiment(mission, config, card, assignments, seed, assumed)
     _set_log(chosen, {"--from": start, "--to": end, "--vehicle": vehicle, "--heading": heading})
     with working(chosen.mission) as progress:
-        navigators = algorithms([own] if own else None)
-        result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
+        result = chosen.run(progress, algorithm=algorithm(own))
         if out is not None:
             write_result(result, out, force)
         if export is not None:
@@ -159,10 +158,8 @@ def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> N
 
 def write_result(result: Result, out: Path, force: bool) -> None:
     """Write a result as netCDF; `CommandError` if it cannot be written."""
-    try:
+    with writing(out, "--out"):
         result.to_netcdf(out, overwrite=force)
-    except OSError as error:
-        raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
 
 
 def json_facts(

@@ -9,7 +9,7 @@ import typer
 
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
-from lab.cli.app import CommandError, print_json, working
+from lab.cli.app import CommandError, print_json, working, writing
 from lab.cli.options import AsJson
 from lab.cli.terminal import table
 
@@ -112,10 +112,8 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
     for about in absent:
         print(f"ins-lab: {about.name} is not in {data}: {where_from(about)}", file=sys.stderr)
     if keep is not None:
-        try:
+        with writing(keep, "--keep"):
             write(keep, merged(old, [row for _, rows in found for row in rows]))
-        except OSError as error:
-            raise CommandError(f"--keep {keep}: cannot be written: {error.strerror or error}") from error
     if refused:
         raise typer.Exit(2)
 

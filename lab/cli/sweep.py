@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import CommandError, print_json, working
+from lab.cli.app import CommandError, print_json, working, writing
 from lab.cli.ensemble import beside, shown
 from lab.cli.interrupt import STOPPED, interrupted
 from lab.cli.options import (
@@ -161,10 +161,8 @@ def sweep(
         print("\n\n".join(filter(None, (_points(facts), notes))))
     if out is not None:
         write = found.to_netcdf if out.suffix.lower() == ".nc" else found.to_csv
-        try:
+        with writing(out, "--out"):
             write(out, overwrite=force)
-        except OSError as error:
-            raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
     if found.missing:
         print(f"ins-lab: stopped after {done:,} of {runs:,} runs", file=sys.stderr)
         raise typer.Exit(STOPPED)

@@ -20,7 +20,6 @@ from bokeh.plotting import figure
 
 from lab.views.quantities import CURSOR, NOTES
 
-
 MOST_DECADES = 10
 """Most decades of a logarithmic axis with one tick each: a figure of 150 px has room for no more."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -36,6 +37,12 @@ def in_groups(groups: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         ),
         ("5:cpu,cpuacct:/\n", {"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, 6),
         ("0::/\n", {"cpu.max": "what 0"}, 6),
+        pytest.param(
+            "0::/lab/a:b\n",
+            {"lab/cpu.max": "350000 100000", "lab/a:b/cpu.max": "150000 100000"},
+            2,
+            marks=pytest.mark.skipif(sys.platform == "win32", reason="no colons in the names of files"),
+        ),
         ("", {}, 6),
     ],
 )

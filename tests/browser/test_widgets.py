@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashboards.covariance_field import CovarianceField
+from dashboards.field_text import parsed, shown
 from dashboards.query import experiment_of_query, query
 from dashboards.settings_panel import matched_variances
-from dashboards.widgets import NumberField, Scale, TextField, field, parsed, shown
+from dashboards.widgets import NumberField, Scale, TextField, field
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import AxisQuantity, Quantity, requirement
 from lab.experiment.experiment import Experiment

@@ -73,13 +73,13 @@ def tick(walk: Walk, *names: str) -> None:
 
 def sweep(walk: Walk, first: str, second: str = "", metric: str = METRICS[0], seeds: int = 3) -> None:
     choose(walk, "A sweep")
-    choice = page(walk)._sweep
+    choice = page(walk)._sweep.choice
     with set_curdoc(walk._document):
         choice._axes[0].setting.value, choice._axes[1].setting.value = first, second
         for axis in choice._axes:
             axis.steps.value = 3
         choice._seeds.value, choice._metric.value = seeds, metric
-        page(walk)._run_sweep()
+        page(walk)._sweep.run()
     walk.settle()
 
 
@@ -213,9 +213,9 @@ def test_a_sweep_over_a_variance_has_the_sigma_that_its_field_shows(walk: Walk) 
     path = "sensors.gps.position_variance"
     run(walk, sensors__gps__position_variance=0.49)
     sweep(walk, path, seeds=1)
-    axis = page(walk)._sweep._axes[0]
+    axis = page(walk)._sweep.choice._axes[0]
     assert (axis.start.value, axis.end.value) == (0.07, 7.0)
-    assert page(walk)._plan.values == {path: pytest.approx((0.0049, 0.49, 49.0))}
+    assert page(walk)._sweep.plan.values == {path: pytest.approx((0.0049, 0.49, 49.0))}
     (fig,) = walk.figures()
     assert fig.xaxis[0].axis_label == "GPS receiver: Position σ [m]"
     assert fig.renderers[-1].data_source.data["x"].tolist() == pytest.approx([0.07, 0.7, 7.0])
@@ -238,16 +238,16 @@ def test_a_sweep_that_cannot_be_says_why(walk: Walk) -> None:
     assert "two different settings" in walk.text()
     sweep(walk, "navigator.q_scale", "navigator.r_scale", seeds=2 * MOST_RUNS)
     assert "accepted are up to" in walk.text()
-    choice = page(walk)._sweep._axes[0]
+    choice = page(walk)._sweep.choice._axes[0]
     for start, end, said in (
         (None, 1.0, "two different numbers"),
         (-1.0, 1.0, "above zero"),
         (1.0, 1e9, "Q scale"),
     ):
         with set_curdoc(walk._document):
-            page(walk)._sweep._axes[1].setting.value, page(walk)._sweep._seeds.value = "", 1
+            page(walk)._sweep.choice._axes[1].setting.value, page(walk)._sweep.choice._seeds.value = "", 1
             choice.start.value, choice.end.value = start, end
-            page(walk)._run_sweep()
+            page(walk)._sweep.run()
         walk.settle()
         assert said in walk.text()
         assert walk.figures() == []
@@ -265,7 +265,7 @@ def test_the_settings_of_a_sweep_are_numbers_that_have_an_effect() -> None:
 
 def test_every_setting_of_a_sweep_suggests_values_that_it_accepts(walk: Walk) -> None:
     choose(walk, "A sweep")
-    axis = page(walk)._sweep._axes[0]
+    axis = page(walk)._sweep.choice._axes[0]
     for path in sweepable(made(), is_log=False):
         axis.setting.value = path
         for number in axis.values():
@@ -297,7 +297,7 @@ def test_a_log_without_reference_stands_beside_a_flight(walk: Walk, tmp_path: Pa
     sweep(walk, "navigator.r_scale")
     assert "unknown. This log has no reference" in walk.text()
     with set_curdoc(walk._document):
-        page(walk)._sweep._metric.value = METRICS[-1]
+        page(walk)._sweep.choice._metric.value = METRICS[-1]
     assert len(walk.figures()) == 1
     with set_curdoc(walk._document):
         walk.page._holding.hold()
@@ -328,12 +328,12 @@ def test_what_a_browser_makes_up_reads_no_file_and_runs_no_flood(walk: Walk, tmp
     page(walk)._seeds.value = 10**9
     assert page(walk)._count == compare.MOST_SEEDS
     choose(walk, "A sweep")
-    choice = page(walk)._sweep
+    choice = page(walk)._sweep.choice
     with set_curdoc(walk._document):
         for made_up in ("mission", "seed", "x.y", "navigator.own_states"):
             choice._axes[0].setting.value = made_up
-            page(walk)._run_sweep()
-            assert page(walk)._plan is None
+            page(walk)._sweep.run()
+            assert page(walk)._sweep.plan is None
 
 
 def test_runs_that_another_page_gave_up_are_run_for_the_one_that_waits(

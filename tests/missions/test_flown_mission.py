@@ -132,6 +132,14 @@ def test_words_changed_during_the_flight_stay(tmp_path, monkeypatch):
     assert {name: (tmp_path / name).read_bytes() for name in files(tmp_path)} == before
 
 
+def test_the_first_flight_of_a_shipped_plan_makes_the_folder_of_own_missions(tmp_path):
+    flown = fly_mission(written(tmp_path, ""))
+    folder = tmp_path / "no" / "such" / "folder"
+    found = writer.add_flown(flown, flown.recording, seed=None, ending="", folder=folder, overwrite=False)
+    assert found.recording_path.parent == folder
+    assert values(folder / "plan.toml")["flight"] == flown.flight
+
+
 def test_a_crash_leaves_the_old_mission_or_the_new_one(plan, monkeypatch):
     class Crash(BaseException):
         """Power failure: nothing is cleared away."""

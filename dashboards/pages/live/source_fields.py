@@ -9,10 +9,10 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS, allowed_devices
+from dashboards.field_text import number
 from dashboards.pages.live.wanted import Wanted
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.session import Session
-from dashboards.widgets import number
 from lab.base.cache import digest
 from lab.base.parameters.setting_error import SettingError
 from lab.data.protocols.catalogue import DECODERS, ENCODERS

@@ -10,7 +10,7 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.widgets import number
+from dashboards.field_text import number
 from lab.flying.plan_table import Entry, Limits, entries
 
 WRAP = ":host { flex-wrap: wrap; min-width: 0 !important; }"

@@ -7,12 +7,12 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.field_text import number
 from dashboards.pages.missions.draft import Draft
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
 from dashboards.style import WHOLE
-from dashboards.widgets import number
 from lab.base.progress import Progress
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.streams.xplane_live import PORT, XPlaneRecorder

@@ -217,9 +217,9 @@ class DataFlashFile:
             length,
         )
         if old is None or (old.name, old.letters, old.length) != (name, letters, length):
-            kinds[number] = Kind(name, length, letters, layout)
+            kind = kinds[number] = Kind(name, length, letters, layout)
             if len(self._kinds) < _MAX_KINDS:
-                self._kinds.append(kinds[number] or Kind(name, length, letters, layout))
+                self._kinds.append(kind)
 
 
 def parameters_of(log: Log) -> dict[str, float]:

@@ -138,7 +138,7 @@ def test_what_fails_is_said_and_ends_alone(replayed: Source, file: str, name: st
 
 @pytest.mark.parametrize(
     ("place", "words"),
-    [("mine.py:No", "has no 'No'; live algorithms in the file: Counts"), ("x", "accepted is")],
+    [("mine.py:No", "has no 'No'; live algorithms in the file: Counts"), ("x", "^'x': accepted is")],
 )
 def test_what_cannot_be_loaded_is_refused(replayed: Source, file: str, place: str, words: str) -> None:
     own = OwnAlgorithm(replayed, "No", place.replace("mine.py", file))

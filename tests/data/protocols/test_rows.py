@@ -1,0 +1,39 @@
+"""Rows: what of a damaged frame is refused: a number out of its range, whichever it is."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from lab.data.protocols.decoder import Statistics
+from lab.data.protocols.limits import Limits
+from lab.data.protocols.rows import LARGEST_HEIGHT, LARGEST_SPEED, Rows
+from lab.data.protocols.samples import FIX_3D, NO_FIX
+
+FIX = {"latitude": 0.8, "longitude": 0.2, "height": 500.0, "velocity_n": (1.0, 2.0, 3.0)}
+"""A fix as any receiver sends it."""
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"latitude": math.pi},
+        {"latitude": math.nan},
+        {"longitude": -7.0},
+        {"height": -1.1 * LARGEST_HEIGHT},
+        {"velocity_n": (0.0, -1.1 * LARGEST_SPEED, 0.0)},
+    ],
+    ids=lambda damage: next(iter(damage)),
+)
+def test_a_fix_with_one_number_out_of_its_range_is_refused(damage: dict[str, object]) -> None:
+    statistics = Statistics()
+    rows = Rows(statistics, Limits())
+    rows.add_fix(0, fix_type=FIX_3D, **FIX)  # type: ignore[arg-type]
+    rows.add_fix(0, fix_type=FIX_3D, **FIX | damage)  # type: ignore[arg-type]
+    rows.add_fix(0, fix_type=NO_FIX, **FIX | damage)  # type: ignore[arg-type]
+    assert rows.taken().fix["fix_type"].tolist() == [
+        FIX_3D,
+        NO_FIX,
+    ]  # without a fix, nothing of it is believed
+    assert statistics.refused == 1
