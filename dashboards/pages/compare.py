@@ -137,8 +137,8 @@ class Compare(ComputedPage):
         bar = pn.FlexBox(
             said, *self._add.values(), self._stop, self._baseline, margin=0, align_items="center"
         )
-        parts = bar, self._cards.view, self._seeds, self.words, self._table
-        parts += self._sweep.choice.view, self._sweep.figure, self._outages.view
+        sweep = self._sweep.choice.view, self._sweep.figure
+        parts = bar, self._cards.view, self._seeds, self.words, self._table, *sweep, self._outages.view
         return pn.Column(*parts, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
 
     def _on(self, name: str) -> bool:
