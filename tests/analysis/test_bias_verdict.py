@@ -10,8 +10,9 @@ import pytest
 
 from lab.analysis.verdicts.finding import Finding
 from lab.analysis.verdicts.run_evidence import reference_of
+from lab.analysis.verdicts.selection import Explained
 from lab.analysis.verdicts.sensor_evidence import sensor_errors, spectrum
-from lab.analysis.verdicts.sensor_verdict import judge_sensors
+from lab.analysis.verdicts.sensor_verdict import _stated, judge_sensors
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -108,3 +109,23 @@ def test_the_growth_of_a_process_is_that_of_drawn_ones(correlation_time: float) 
     # σ of a covariance of n draws is √((Vᵢⱼ² + Vᵢᵢ Vⱼⱼ) / n).
     sigma = np.sqrt((expected**2 + np.outer(np.diag(expected), np.diag(expected))) / paths)
     assert (np.abs(drawn - expected) < 4.5 * sigma).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "gyros", "accelerometers"),
+    [
+        ("scale factor", "0.1 %", "0.1 %"),
+        ("misalignment", "0.057°", "0.057°"),
+        ("bandwidth", "2 ms", "2 ms"),  # two regressors: the lag is their sum
+        ("temperature", "0.057 °/s per K", "0.1 mg per K"),
+        ("g-sensitivity", "0.56 °/s per g", "1 mg per g"),
+        ("bias drift", "3.4 °/s per minute", "6.1 mg per minute"),
+    ],
+)
+def test_the_size_of_a_cause_is_said_in_the_units_of_data_sheets(
+    name: str, gyros: str, accelerometers: str
+) -> None:
+    """Of a thousandth in SI units: 1e-3 rad/s are 0.0573 °/s, 1e-3 m/s² are 0.102 mg."""
+    cause = Explained(name, 12.0, np.full((1, 2), 1e-3), np.full((1, 2), 1e-4))
+    for sensor, (kind, size) in enumerate((("gyro", gyros), ("accelerometer", accelerometers))):
+        assert f" {size}" in _stated(cause, kind, sensor).finding.sentence

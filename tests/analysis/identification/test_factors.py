@@ -7,7 +7,7 @@ import pytest
 from sensor_logs import described
 
 from lab import Experiment
-from lab.analysis.identification.assumptions import assumed, scaled_rows
+from lab.analysis.identification.assumptions import FIX, NOISE, assumed, rows_of, scaled_rows
 from lab.analysis.identification.factors import FEWEST, choose, scaled
 from lab.analysis.identification.identification import better
 from lab.analysis.identification.likelihood import InnovationSeries
@@ -136,3 +136,13 @@ def test_the_table_says_what_the_filter_assumes_then(wrong):
     assert rows["gyro noise density"].after == pytest.approx(np.degrees(np.sqrt(then.noise[0])))
     assert rows["gyro noise density"].words == "chosen as a whole"
     assert rows["latency"].words == "not observable in this flight"
+
+
+def test_intervals_of_logarithms_of_sigma_are_shown_as_densities_and_as_variances(wrong):
+    result, *_ = wrong
+    now, interval = assumed(result), (-0.7, 0.4)
+    rows = rows_of(result, now, now, now, {}, {NOISE.start: interval, FIX.start: interval})
+    for row, power in ((rows[NOISE.start], 1), (rows[FIX.start], 2)):
+        assert (row.low, row.high) == pytest.approx(
+            row.before * np.exp(power * np.array(interval)), rel=1e-12
+        )
