@@ -20,21 +20,13 @@ from scipy.spatial.transform import Rotation
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.motion.frames import earth
-from lab.motion.frames.rotation import skew, wrap
+from lab.motion.frames.rotation import skew
 from lab.navigation import strapdown
 from lab.navigation.aids import AIRSPEED, FORWARD, HEADING, MAGNETIC, NO_AIDS, Aids
 from lab.navigation.filters import blocks
 from lab.navigation.filters.blocks import LEVER_ARM
 from lab.navigation.filters.correction import apply_group_exponential
-from lab.navigation.filters.error_models import (
-    ATT,
-    GYRO_BIAS,
-    GYRO_SCALE,
-    PHI,
-    POS,
-    VEL,
-    ErrorModel,
-)
+from lab.navigation.filters.error_models import ATT, GYRO_BIAS, PHI, POS, VEL, ErrorModel
 from lab.navigation.filters.filter import initial_covariance
 from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.filters.user_states import of_blocks
@@ -50,10 +42,19 @@ from lab.navigation.reference_aids import (
     vertical_bias_noise,
     vertical_directions,
 )
+from lab.navigation.reference_fixes import (
+    alignment,
+    gyro_bias,
+    metres_per_radian,
+    navigator_minus_fix,
+    part_of,
+    predict_antenna,
+    predict_receiver_errors,
+    user_values,
+)
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
 from lab.navigation.strapdown import Vector
-from lab.sensors.imu_errors import OFF_DIAGONAL
 
 ACCEL, ACCEL_DRIFT = (slice(at, at + 3) for at in (strapdown.ACCEL_BIAS, strapdown.ACCEL_DRIFT))
 """Both parts of the accelerometer biases in the state of the navigator."""
@@ -108,7 +109,7 @@ def navigate(
             _due(times, first, time, dt) for times, first in ((fixes.time, next_fix), (aids.time, next_aid))
         )
         if due or due_aids or waited >= schedule.stride:
-            C_nb = np.eye(3) if model.in_body else _get(state, strapdown.C_NB, 9).reshape(3, 3)
+            C_nb = np.eye(3) if model.in_body else part_of(state, strapdown.C_NB, 9).reshape(3, 3)
             _predict(kalman, F_sum, belief, C_nb, elapsed, summed=schedule.stride > 1)
             state[driven] *= _fading(belief, elapsed, summed=schedule.stride > 1)
             F_sum[:] = 0
@@ -176,9 +177,10 @@ def _use_fix(
     if age > dt * (1 + SLACK):
         return
     before = kalman.x, kalman.P
-    H, antenna, gyro_noise = _antenna(state, belief, turn, age, model.blocks)
+    H, antenna, gyro_noise = predict_antenna(state, belief, turn, age, model.blocks)
     R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
-    z = _difference(state, fixes, m, age, dt) + antenna + _of_receiver(state, H, model.blocks)
+    z = navigator_minus_fix(state, fixes, m, age, dt) + antenna
+    z += predict_receiver_errors(state, H, model.blocks)
     D = vertical_directions(state, kalman.P, in_body=model.in_body)
     held = _update(kalman, z, H @ model.map(state), R, D, may_hold=schedule.hold_heading)
     kalman.P = kalman.P + vertical_bias_noise(state, kalman.P, D)
@@ -242,10 +244,6 @@ def _use_aid(
     feedback.apply(state, kalman, time, dt)
 
 
-def _get(state: FloatArray, at: int, count: int = 3) -> FloatArray:
-    return state[at : at + count]
-
-
 def _put(state: FloatArray, at: int, values: FloatArray) -> None:
     state[at : at + values.size] = values
 
@@ -301,8 +299,8 @@ class _Rest:
             self.held, self.rates, self.length = None, [], 0.0
             return
         if self.held is None:
-            self.held = _get(state, strapdown.C_NB, 9).reshape(3, 3).copy()
-        force = _get(state, strapdown.PREVIOUS_DVELOCITY) * state[strapdown.PER_STEP]
+            self.held = part_of(state, strapdown.C_NB, 9).reshape(3, 3).copy()
+        force = part_of(state, strapdown.PREVIOUS_DVELOCITY) * state[strapdown.PER_STEP]
         _put(state, strapdown.C_NB, self.held.ravel())
         _put(state, strapdown.FORCE_N, self.held @ force)
 
@@ -310,7 +308,7 @@ class _Rest:
         """Add the rate of a sample at rest; return whether an update is due."""
         if self.held is None:
             return False
-        self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _bias_taken(state))
+        self.rates.append(part_of(state, strapdown.PREVIOUS_DTHETA) / dt + _bias_taken(state))
         self.length += dt
         return self.length >= SPAN - NEAREST * dt
 
@@ -319,14 +317,14 @@ class _Rest:
         rates, length, held = np.array(self.rates), self.length, self.held
         assert held is not None
         self.rates, self.length = [], 0.0
-        C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
+        C_nb = Rotation.from_quat(part_of(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
         latitude = np.arcsin(state[strapdown.SINE])
         omega_ie = earth.RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
         down = held[2]
         R = down**2 @ np.maximum(self.belief.noise[:3] / length, rates.var(axis=0) / rates.shape[0])
         H = np.zeros((1, self.model.states))
         H[:, ATT] = skew(omega_ie)[2] @ (C_nb if self.model.in_body else np.eye(3))
-        H[:, GYRO_BIAS] = -down / (1 + _get(state, strapdown.GYRO_SCALE))
+        H[:, GYRO_BIAS] = -down / (1 + part_of(state, strapdown.GYRO_SCALE))
         as_biases(state, H, self.model.blocks)
         z = down @ (rates.mean(axis=0) - _bias_taken(state) - C_nb.T @ omega_ie)
         if ((z - H @ kalman.x) ** 2 > GATE * (H @ kalman.P @ H.T + R)).any():
@@ -342,62 +340,9 @@ def _fading(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:
     return np.asarray(1 - x + (x**2 / 2 - x**3 / 6 if summed else 0))
 
 
-def _antenna(
-    state: FloatArray, belief: Belief, turn: FloatArray, age: float, names: tuple[str, ...]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return H of a fix (6, n), the antenna relative to the IMU (6,), and an addition to R (6, 6).
-
-    The antenna has a displacement and a velocity; the addition to R is the noise of the gyros on the lever
-    arm.
-    """
-    arm, n = belief.lever_arm + _get(state, strapdown.LEVER_ARM), blocks.count(names)
-    measured, length = turn[:3], turn[3]
-    scale, bias = _get(state, strapdown.GYRO_SCALE), _gyro_bias(state)
-    rate = _alignment(state, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT) @ (measured - bias)
-    C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
-    C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
-    latitude = np.arcsin(state[strapdown.SINE])
-    omega_ie = earth.RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    arm_n = C_nb @ arm
-    velocity = C_nb @ np.cross(rate, arm) - np.cross(omega_ie, arm_n)
-    H = np.eye(6, n)
-    H[POS, VEL] = -age * np.eye(3)
-    H[POS, ATT], H[VEL, ATT] = skew(arm_n), skew(velocity)
-    H[VEL, GYRO_BIAS] = C_nb @ skew(arm) / (1 + scale)
-    if blocks.GYRO_SCALE in names:
-        H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * rate
-    if blocks.GYRO_MISALIGNMENT in names:
-        first = blocks.first_state(names, blocks.GYRO_MISALIGNMENT)
-        for k, pair in enumerate(OFF_DIAGONAL):
-            row, column = ("xyz".index(axis) for axis in pair)
-            H[VEL, first + k] = H[VEL, GYRO_BIAS][:, row] * rate[column]
-    as_biases(state, H, names)
-    own = blocks.user_states(names)
-    seen = np.concatenate((arm_n, velocity)) + H[:, own] @ _user_values(state, names)
-    if blocks.GYRO_G in names:
-        seen = seen + H[:, blocks.states_of(names, blocks.GYRO_G)] @ _get(state, strapdown.GYRO_G)
-    if LEVER_ARM in names:
-        H[POS, blocks.states_of(names, LEVER_ARM)] = C_nb
-        H[VEL, blocks.states_of(names, LEVER_ARM)] = C_nb @ skew(rate) - skew(omega_ie) @ C_nb
-    gyro_noise = np.zeros((6, 6))
-    gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / length
-    return H, seen, gyro_noise
-
-
-def _gyro_bias(state: FloatArray) -> FloatArray:
-    """Return both parts of the gyro biases (3,)."""
-    return _get(state, strapdown.GYRO_BIAS) + _get(state, strapdown.GYRO_DRIFT)
-
-
 def _bias_taken(state: FloatArray) -> FloatArray:
     """Return what the gyro biases take off the corrected rates (3,)."""
-    return _gyro_bias(state) / (1 + _get(state, strapdown.GYRO_SCALE))
-
-
-def _user_values(state: FloatArray, names: tuple[str, ...]) -> FloatArray:
-    """Return the estimates (k,) of the states that a user declared."""
-    own = blocks.user_states(names)
-    return state[list(blocks.places(names))[own.start - GYRO_BIAS.start :]]
+    return gyro_bias(state) / (1 + part_of(state, strapdown.GYRO_SCALE))
 
 
 def _without_own(
@@ -416,39 +361,13 @@ def _without_own(
             (0, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT),
             (3, strapdown.ACCEL_SCALE, strapdown.ACCEL_MISALIGNMENT),
         ):
-            corrects[at : at + 3, at : at + 3] = _alignment(state, scale, off)
-        bias = np.concatenate((_gyro_bias(state), state[ACCEL] + state[ACCEL_DRIFT]))
+            corrects[at : at + 3, at : at + 3] = alignment(state, scale, off)
+        bias = np.concatenate((gyro_bias(state), state[ACCEL] + state[ACCEL_DRIFT]))
         true = corrects @ (measured / dt - bias)
         E = np.concatenate([one.effects(true[None, :3], true[None, 3:])[0] for one in own], axis=1)
         state[own_room.EFFECTS : own_room.EFFECTS + E.size] = E.T.ravel()
-        measured = measured - np.linalg.solve(corrects, E @ _user_values(state, names)) * dt
+        measured = measured - np.linalg.solve(corrects, E @ user_values(state, names)) * dt
     return (measured[0], measured[1], measured[2]), (measured[3], measured[4], measured[5])
-
-
-def _alignment(state: FloatArray, scale: int, off: int) -> FloatArray:
-    """Return the matrix (3, 3) that takes scale factors and misalignments off a vector.
-
-    Misalignments M to third order, as in the strapdown: (I + M)⁻¹ ≈ I − M + M².
-    """
-    factors, M = 1 + _get(state, scale), np.zeros((3, 3))
-    for pair, part in zip(OFF_DIAGONAL, _get(state, off, 6), strict=True):
-        row, column = ("xyz".index(axis) for axis in pair)
-        M[row, column] = part / factors[row]
-    return np.asarray((np.eye(3) - M + M @ M) / factors)
-
-
-def _of_receiver(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> FloatArray:
-    """Return what the estimated errors of the receiver add to navigator minus fix (6,), and write H."""
-    added = np.zeros(6)
-    if blocks.LATENCY in names:
-        v, before = _get(state, strapdown.VELOCITY), _get(state, strapdown.PREVIOUS_VELOCITY)
-        motion = np.concatenate((v, (v - before) * state[strapdown.PER_STEP]))
-        added -= state[strapdown.LATENCY] * motion
-        H[:, blocks.states_of(names, blocks.LATENCY)] = -motion[:, None]
-    if blocks.GPS_DRIFT in names:
-        added[POS] += _get(state, strapdown.GPS_DRIFT)
-        H[POS, blocks.states_of(names, blocks.GPS_DRIFT)] = np.eye(3)
-    return added
 
 
 def _update(
@@ -470,28 +389,6 @@ def _update(
     return held
 
 
-def _radii(state: FloatArray) -> tuple[float, float]:
-    """Return R_M + h and (R_N + h) cos L [m]: metres per radian of latitude and longitude."""
-    return 1 / state[strapdown.MERIDIAN], state[strapdown.COSINE] / state[strapdown.TRANSVERSE]
-
-
-def _difference(state: FloatArray, fixes: Fixes, m: int, age: float, dt: float) -> FloatArray:
-    """Return navigator minus fix (6,), the navigator interpolated to the time of the fix."""
-    v, before = _get(state, strapdown.VELOCITY), _get(state, strapdown.PREVIOUS_VELOCITY)
-    latitude, longitude, height = _get(state, strapdown.LATITUDE)
-    per_latitude, per_longitude = _radii(state)
-    position = np.array(
-        [
-            (latitude - fixes.position[m, 0]) * per_latitude,
-            float(wrap(longitude - fixes.position[m, 1])) * per_longitude,
-            fixes.position[m, 2] - height,
-        ]
-    )
-    position -= age * (v + before) / 2
-    velocity = v - (age / dt) * (v - before) - fixes.velocity_n[m]
-    return np.concatenate((position, velocity))
-
-
 def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool = True) -> None:
     """Correct the navigator by an estimated error in the coordinates of the model.
 
@@ -502,16 +399,16 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool
     if model.in_body and bent:
         apply_group_exponential(own)
     x = model.map(state) @ own
-    per_latitude, per_longitude = _radii(state)
-    latitude, longitude, height = _get(state, strapdown.LATITUDE)
+    per_latitude, per_longitude = metres_per_radian(state)
+    latitude, longitude, height = part_of(state, strapdown.LATITUDE)
     strapdown.set_position(
         state, latitude - x[0] / per_latitude, longitude - x[1] / per_longitude, height + x[2]
     )
-    _put(state, strapdown.VELOCITY, _get(state, strapdown.VELOCITY) - x[VEL])
+    _put(state, strapdown.VELOCITY, part_of(state, strapdown.VELOCITY) - x[VEL])
     # A second fix before the next sample interpolates between this one and the one before.
-    _put(state, strapdown.PREVIOUS_VELOCITY, _get(state, strapdown.PREVIOUS_VELOCITY) - x[VEL])
+    _put(state, strapdown.PREVIOUS_VELOCITY, part_of(state, strapdown.PREVIOUS_VELOCITY) - x[VEL])
     q_nb = Rotation.from_rotvec(x[ATT]) * Rotation.from_quat(
-        _get(state, strapdown.Q_NB, 4), scalar_first=True
+        part_of(state, strapdown.Q_NB, 4), scalar_first=True
     )
     _put(state, strapdown.Q_NB, q_nb.as_quat(scalar_first=True))
     state[list(blocks.places(model.blocks))] -= x[GYRO_BIAS.start :]
@@ -530,12 +427,12 @@ def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter, model
     corrected = _corrected(state, kalman.x, model)
     T = model.map(corrected)
     P = T @ kalman.P @ T.T
-    out.position[k] = _get(corrected, strapdown.LATITUDE)
-    out.velocity_n[k] = _get(corrected, strapdown.VELOCITY)
-    out.q_nb[k] = _get(corrected, strapdown.Q_NB, 4)
-    out.bias[k] = _get(corrected, strapdown.GYRO_BIAS, 6)
+    out.position[k] = part_of(corrected, strapdown.LATITUDE)
+    out.velocity_n[k] = part_of(corrected, strapdown.VELOCITY)
+    out.q_nb[k] = part_of(corrected, strapdown.Q_NB, 4)
+    out.bias[k] = part_of(corrected, strapdown.GYRO_BIAS, 6)
     scales = out.scale.shape[1]
-    out.scale[k] = _get(corrected, strapdown.GYRO_SCALE, scales)
+    out.scale[k] = part_of(corrected, strapdown.GYRO_SCALE, scales)
     out.further[k] = corrected[list(blocks.places(model.blocks))[6 + scales :]]
     out.variance[k] = np.diag(P)
     for block, at in enumerate((POS.start, ATT.start)):
