@@ -6,7 +6,7 @@ It is made by `lab.experiment.ensembles.outages`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -208,10 +208,6 @@ class OutageTable(NotebookCard):
     def is_log(self) -> bool:
         """Whether the errors are differences from withheld fixes of a log."""
         return self.fix_sigma > 0
-
-    def with_wish(self, wish: float | None) -> OutageTable:
-        """Return the table with another wish [m]; nothing is computed."""
-        return replace(self, wish=wish)
 
     @property
     def tuning(self) -> str:

@@ -124,7 +124,7 @@ def test_a_sensor_on_the_border_gets_more_runs_and_the_others_do_not():
     assert len(set(more.rows[0].errors.seeds.tolist())) == more.rows[0].runs
     assert made().outage(SECONDS, None, 100, 100 * wish).rows[0].decision(100 * wish) == "pass"
     assert made().outage(SECONDS, None, 100, 0.01 * wish).rows[0].runs == 100
-    assert first.with_wish(0.01 * wish).rows[0].decision(0.01 * wish) == "fail"
+    assert first.rows[0].decision(0.01 * wish) == "fail"
 
 
 def test_a_matched_filter_gains_nothing_from_tuning_and_a_wrong_one_does():

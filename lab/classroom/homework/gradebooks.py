@@ -39,8 +39,8 @@ _OF_CANVAS = (
     "Section",
 )
 """Headings by which Canvas finds a student."""
-GRADE, FEEDBACK = "Grade", "Feedback comments"
-"""Headings of Moodle's offline grading worksheet that are filled."""
+GRADE = "Grade"
+"""Heading of Moodle's offline grading worksheet that is filled."""
 _MODIFIED = "Last modified (grade)"
 
 
