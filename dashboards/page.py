@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -12,7 +11,6 @@ import panel as pn
 import param
 from bokeh.events import DocumentReady
 from panel_material_ui.template.base import Page as MaterialPage
-from param.parameterized import edit_constant
 
 from dashboards.address import Address, Shown
 from dashboards.aside import BESIDE, DOCK, SHEET, Aside, lessons_button, mission_button
@@ -25,10 +23,8 @@ from dashboards.kept import Keeping, Kept
 from dashboards.notice import Notice
 from dashboards.openings import Openings
 from dashboards.page_tabs import FIRST, IN_TABS, PageTabs
-from dashboards.page_template import PAGE
-from dashboards.pages.base import Page, not_drawn
-from dashboards.pages.consistency import Consistency
-from dashboards.pages.innovations import Innovations
+from dashboards.page_template import page_frame
+from dashboards.pages.base import Page
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.missions import Missions
 from dashboards.process_place import STREAMS, is_first
@@ -40,14 +36,14 @@ from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
 from dashboards.share import Share
 from dashboards.shortcuts import Shortcuts
-from dashboards.style import DRESS, FRAME, STAGE, THEME
+from dashboards.stage import LINKED, Stage
+from dashboards.style import FRAME
 from dashboards.teaching.bar_style import flash
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
 from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
-from dashboards.upstream.server import leave_out_hooks
 from dashboards.verdict_chip import VerdictChip
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
@@ -68,9 +64,6 @@ HALF_STEP = 1e-3
 
 PAGES: tuple[type[Page], ...] = (*IN_TABS, Missions, Lessons)
 """The pages in the tabs, and those beside them."""
-
-LINKED = (Innovations.title, Consistency.title)
-"""Pages that show a log without reference: links in the sentence on a page that has nothing to show."""
 
 _BY_TITLE = {page.title: page for page in PAGES}
 
@@ -97,10 +90,7 @@ class SimulatorPage:
         self._steps: list[Callable[[], None]] = []
         self._openings = Openings.of(document)
         self._closed = False
-        self._visible: Page | None = None
         self._progress = ProgressText(self.session)
-        self._reason = Notice(margin=(16, 20), links=LINKED)
-        self._failures: dict[type[Page], Notice] = {}
         self._message = Notice(closeable=True, margin=(6, 8))
         self._reminder: Notice | None = None
         self._reminded = ""
@@ -109,7 +99,7 @@ class SimulatorPage:
         self._waiting_zoom: tuple[float, float] | None = None
         self._taken: Experiment | None = None
         self._large_type = LargeType()
-        self._stage = pn.Column(name="page stage", sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
+        self._stage = Stage(self._pages)
         self._tabs = PageTabs(self._turn)
         self._sheet = Aside(Missions, mission_button(), SHEET, self._turn_aside)
         self._dock = Aside(Lessons, lessons_button(), DOCK, self._turn_aside)
@@ -125,7 +115,7 @@ class SimulatorPage:
             ),
         )
         self._middle = pn.Row(
-            self._stage, self._dock.view, sizing_mode="stretch_both", margin=0, stylesheets=[BESIDE]
+            self._stage.view, self._dock.view, sizing_mode="stretch_both", margin=0, stylesheets=[BESIDE]
         )
         self._class = ClassBar(self._desk())
         self._main = pn.Column(
@@ -322,8 +312,7 @@ class SimulatorPage:
         self._show_again(self._page)
 
     def _frame(self) -> MaterialPage:
-        frame = MaterialPage(
-            title="INS Lab",
+        return page_frame(
             header=[
                 self._sheet.button,
                 self._chip.view,
@@ -334,18 +323,10 @@ class SimulatorPage:
                 self._dock.button,
                 self._shortcuts.button,
             ],
-            sidebar=[self._sidebar],
-            sidebar_width=330,
+            sidebar=self._sidebar,
+            main=self._main,
             sidebar_open=not self._on_phone,
-            main=[self._main],
-            theme_config=THEME,
-            sx=DRESS,
-            busy_indicator=None,
-            template=PAGE,
         )
-        _unlink_busy(frame)
-        leave_out_hooks(frame)
-        return frame
 
     def _is_ready(self) -> None:
         """Open what a link opens beside the tabs, whose parts ask the server as they appear; go on."""
@@ -456,7 +437,7 @@ class SimulatorPage:
         """Draw the open pages beside the tabs."""
         for aside in (self._sheet, self._dock):
             if aside.is_open:
-                with self._failures_shown(aside.kind, aside.show):
+                with self._stage.failures_shown(aside.kind, aside.show):
                     page = self._made(aside.kind)
                     if self.session.result is not None:
                         page.show(self.session.result)
@@ -485,54 +466,16 @@ class SimulatorPage:
         """Draw the selected page, and lay it out afterwards, so that it arrives complete."""
         self._show_reminder()
         self._show_asides()
-        with self._failures_shown(self._tabs.kind, self._put):
+        with self._stage.failures_shown(self._tabs.kind):
             page, result = self._page, self.session.result
-            reason = page.missing_reason(result) if result is not None else ""
-            self._reason.say(reason, "info")
             if self._time_bar.view.visible != page.over_time:
                 self._time_bar.stop()
                 self._time_bar.view.visible = page.over_time
-            view = self._reason.view if reason else page.view
-            laid_out = self._stage.objects == [view]
-            if result is not None and not reason:
-                if not laid_out:
-                    page.forget()
-                page.show(result)
-                if result.is_long:
-                    give_back()
-                page.show_time(self.axis.time)
-            view = self._reason.view if reason else page.view  # a page may have changed its plots
-            self._put(view)
+            view = self._stage.draw(page, result, self.axis.time)
             self._large_type.dress(view)  # a browser is told of changes only on a page that it has
             if result is None and not page.is_complete:
                 self.session.restore()
-            if page is not self._visible:
-                if self._visible is not None:
-                    self._visible.hide()
-                self._visible = page
-                page.appear()
-
-    def _put(self, view: pn.viewable.Viewable) -> None:
-        """Lay a page out; the browser is told of another one though the same sentence stands in its place."""
-        if self._stage.objects != [view]:
-            self._stage[:] = [view]
-        elif self._visible is not None and self._visible is not self._pages.get(self._tabs.kind):
-            self._stage.param.trigger("objects")
-
-    @contextmanager
-    def _failures_shown(
-        self, kind: type[Page], place: Callable[[pn.viewable.Viewable], None]
-    ) -> Iterator[None]:
-        """Show an error in place of a page that could not be drawn, never the plots of another page."""
-        try:
-            yield
-        except Exception as error:
-            log.exception("the page %s could not be drawn", kind.title)
-            if kind in self._pages:
-                self._pages[kind].forget()
-            failure = self._failures.setdefault(kind, Notice())
-            failure.say(not_drawn(kind.title, error))
-            place(failure.view)
+            self._stage.appear(page)
 
     def _prepare(self, result: Result) -> None:
         """Let a page prepare a result; an error is shown when the page is drawn."""
@@ -621,8 +564,8 @@ class SimulatorPage:
         if not self._time_bar.plays:
             self._address.update()
         page = self._pages.get(self._tabs.kind)
-        if page is not None and self._stage.objects == [page.view]:
-            with self._failures_shown(self._tabs.kind, self._put):
+        if page is not None and self._stage.shows(page):
+            with self._stage.failures_shown(self._tabs.kind):
                 page.show_time(time)
 
     def _new_problem(self, event: param.parameterized.Event) -> None:
@@ -638,18 +581,6 @@ class SimulatorPage:
         self._zooming = False
         with together(self._document):
             self._show_if_begun()
-
-
-def _unlink_busy(frame: MaterialPage) -> None:
-    """Unlink a frame from the busy state of the server.
-
-    A linked frame is visited at every event of any session, and is never freed.
-    """
-    with edit_constant(frame):
-        frame.busy = False
-    for watcher in list(pn.state.param.watchers["busy"]["value"]):
-        if getattr(getattr(watcher.fn, "__self__", None), "self", None) is frame:
-            pn.state.param.unwatch(watcher)
 
 
 def _close(page: SimulatorPage, _context: object) -> None:

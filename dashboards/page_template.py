@@ -1,10 +1,17 @@
-"""Page template: the HTML of the page, the script that makes Bokeh quick, and the link past the settings."""
+"""Page template: the frame of the page, its HTML, the script that makes Bokeh quick, a link to the plots."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+import panel as pn
 from jinja2 import Environment
+from panel_material_ui.template.base import Page as MaterialPage
+from param.parameterized import edit_constant
+
+from dashboards.style import DRESS, THEME
+from dashboards.upstream.server import leave_out_hooks
 
 SCRIPT = Path(__file__).with_name("upstream") / "upstream.js"
 
@@ -51,3 +58,40 @@ window.insLabOpened = window.location.search;  // for history_bar.js
 """
 )
 """Panel's page, with a script after those of Bokeh and before the one that makes the page."""
+
+
+def page_frame(
+    header: Sequence[pn.viewable.Viewable],
+    sidebar: pn.viewable.Viewable,
+    main: pn.viewable.Viewable,
+    *,
+    sidebar_open: bool,
+) -> MaterialPage:
+    """Return the frame of the page with what stands in it."""
+    frame = MaterialPage(
+        title="INS Lab",
+        header=[*header],
+        sidebar=[sidebar],
+        sidebar_width=330,
+        sidebar_open=sidebar_open,
+        main=[main],
+        theme_config=THEME,
+        sx=DRESS,
+        busy_indicator=None,
+        template=PAGE,
+    )
+    _unlink_busy(frame)
+    leave_out_hooks(frame)
+    return frame
+
+
+def _unlink_busy(frame: MaterialPage) -> None:
+    """Unlink a frame from the busy state of the server.
+
+    A linked frame is visited at every event of any session, and is never freed.
+    """
+    with edit_constant(frame):
+        frame.busy = False
+    for watcher in list(pn.state.param.watchers["busy"]["value"]):
+        if getattr(getattr(watcher.fn, "__self__", None), "self", None) is frame:
+            pn.state.param.unwatch(watcher)

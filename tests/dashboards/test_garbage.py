@@ -40,7 +40,7 @@ async def open_and_leave(address, count):
         kind = TABS[tab][0]
         for page in shown:
             page._document.add_next_tick_callback(partial(page._tabs.open, kind))
-        while any(page._visible is not page._pages.get(kind) for page in shown):
+        while any(page._stage._visible is not page._pages.get(kind) for page in shown):
             await asyncio.sleep(0.05)
         del page, shown
         visitors.append(Visitor(address))

@@ -76,9 +76,9 @@ def test_a_result_and_a_zoom_do_not_draw_before_the_plots_have_their_turn() -> N
     page._steps = [page._show]
     page.axis.range.end = 5.0
     page._draw_window()
-    assert page._stage.objects == []
+    assert page._stage.view.objects == []
     page._take_step()
-    assert page._stage.objects != []
+    assert page._stage.view.objects != []
     page.close()
 
 

@@ -136,7 +136,7 @@ class Walk:
 
     @property
     def _stage(self) -> pn.Column:
-        return self.page._stage if self._aside is None else self._aside._place
+        return self.page._stage.view if self._aside is None else self._aside._place
 
     @property
     def shown(self) -> Page:
@@ -146,7 +146,7 @@ class Walk:
     @property
     def reason(self) -> str:
         """Why the page has nothing to show; empty if it has."""
-        return str(self.page._reason.text) if self._aside is None else ""
+        return str(self.page._stage._reason.text) if self._aside is None else ""
 
     def text(self) -> str:
         """Return all that is written on the page, without markup."""
@@ -162,9 +162,9 @@ class Walk:
         """Return what is wrong with the page that is open: nothing, if all is well."""
         found = []
         (view,) = self._stage.objects
-        if view is getattr(self.page._failures.get(self._kind), "view", None):
+        if view is getattr(self.page._stage._failures.get(self._kind), "view", None):
             return [self.text()]
-        if view is not (self.page._reason.view if self.reason else self.shown.view):
+        if view is not (self.page._stage._reason.view if self.reason else self.shown.view):
             found.append("shows what is not this page")
         if self.reason and not re.search(r"[a-z]{3}.*\.$", self.reason):
             found.append(f"gives no reason: {self.reason!r}")
