@@ -8,6 +8,7 @@ from functools import reduce
 import numpy as np
 import pytest
 
+from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import Finding
 from lab.analysis.verdicts.run_evidence import reference_of
 from lab.analysis.verdicts.selection import Explained
@@ -16,6 +17,7 @@ from lab.analysis.verdicts.sensor_verdict import _stated, judge_sensors
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
+from lab.navigation.belief import belief
 from lab.navigation.solution import Imu
 
 MATCHED = [
@@ -82,6 +84,44 @@ def test_a_smaller_drive_is_never_too_large(ten: tuple[str, list[Result]]) -> No
     assert judged(sensor, runs, 0.3) == []
     found = [(finding.quantity, finding.direction) for finding in judged(sensor, runs, 0.01)]
     assert found == ([] if sensor == "gyro" else [("Q accelerometer bias", "too small")])
+
+
+def walking(sensor: str, seed: int, times: float) -> Result:
+    """Return a run whose filter knows of no walk: over a flight of T, its σ is so many times that of the noise.
+
+    The noise N lets a mean over T err by N/√T, and a walk K grows to K √T.
+    """
+    experiment = Experiment(mission="los_angeles", seed=seed)
+    experiment.trajectory.imu_rate = 50.0
+    own = getattr(experiment.sensors, sensor)
+    experiment.set("navigator.q", belief(experiment.sensors, experiment.navigator).noise.tolist())
+    density = float(np.max(own.noise_density)) * (3600 if sensor == "gyro" else 1e-3)  # °/h or mg, and √Hz
+    own.rate_random_walk = times * density / 105.0 * 60.0  # K = N / T, per √h
+    return experiment.run()
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
+def test_a_walk_is_named_even_where_the_noise_hides_it_by_chance(sensor: str) -> None:
+    """In some runs, the biases through their noise are hardly likelier with the true drive than with none."""
+    by_chance = 0
+    rows = slice(0, 3) if sensor == "gyro" else slice(3, 6)
+    for seed in range(1001, 1009):
+        run = walking(sensor, seed, 10.0)
+        errors = run.evidence.sensors
+        squares, determinant = errors.drift_squares.values[0, rows], errors.log_determinant.values[0, rows]
+        constant = (
+            errors.drift_vector.values[0, rows, :, 0] ** 2 / errors.drift_matrix.values[0, rows, :, 0, 0]
+        )
+        gains = 0.5 * (constant - squares - determinant).sum(axis=0)
+        by_chance += gains[1] < gains[0] + limits.VERDICT.likelihood_ratio
+        names = [finding.quantity for finding in run.verdict.findings]
+        assert names in ([f"Q {sensor} bias"], [f"{sensor} bias drift"])
+    assert by_chance
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
+def test_a_walk_that_noise_always_hides_is_not_named(sensor: str) -> None:
+    assert all(walking(sensor, seed, 0.5).verdict.consistent for seed in range(1001, 1009))
 
 
 @pytest.mark.parametrize("correlation_time", [0.3, 4.0, 1e3, 1e9])

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
+from lab.analysis.verdicts import limits
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 
@@ -53,6 +55,39 @@ def test_the_arm_is_estimated_with_an_honest_sigma_and_named_beyond_doubt_only(m
     low, high = stats.chi2.interval(1 - CHANCE, 3 * len(SEEDS))
     assert low < np.sum(squares) < high
     assert (certain > 0) == (mission == "pacific")
+
+
+@pytest.mark.parametrize(("mission", "told"), [("pacific", False), ("montreal", True), ("los_angeles", True)])
+def test_an_arm_forward_and_a_latency_are_told_apart_only_where_the_flight_does(
+    mission: str, told: bool
+) -> None:
+    """By the information of the true motion: what a latency leaves of an arm. The latency is never named."""
+    either = 0
+    for seed in range(1001, 1007):
+        result = flown(mission, seed, (2.0, 0.0, 0.0))
+        samples = result.solution_arrays.fix_sample
+        truth, ideal = result.truth_arrays, result.ideal
+        C_nb = Rotation.from_quat(truth.q_nb[samples], scalar_first=True).as_matrix()
+        rate = ideal.dtheta[samples - 1] / ideal.dt
+        acceleration = np.gradient(truth.velocity_n, truth.time, axis=0)[samples]
+        forward = np.concatenate(
+            (C_nb[:, :, 0], (C_nb @ np.cross(rate, (1.0, 0.0, 0.0))[..., None])[..., 0]), 1
+        )
+        late = -np.concatenate((truth.velocity_n[samples], acceleration), axis=1)
+        signature = np.stack((late, forward)).reshape(2, -1) / np.tile(
+            np.sqrt(np.diag(result.belief.R)), len(late)
+        )
+        information = signature @ signature.T
+        left = information[1, 1] - information[0, 1] ** 2 / information[0, 0]
+        # As a logarithm of the likelihood ratio of 2 m; noise adds to it.
+        assert (0.5 * 2.0**2 * left > limits.VERDICT.likelihood_ratio) == told
+        (finding,) = result.verdict.findings
+        either += finding.quantity == "GPS lever arm or latency"
+        assert finding.quantity in ("GPS lever arm", "GPS lever arm or latency")
+        (change,) = finding.changes
+        assert change.path == "navigator.lever_arm"
+        assert np.linalg.norm(np.subtract(change.value, (2.0, 0.0, 0.0))) < 0.5
+    assert either == 0 if told else either >= 3
 
 
 def test_errors_of_the_attitude_are_no_errors_of_a_good_receiver() -> None:

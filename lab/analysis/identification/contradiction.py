@@ -24,7 +24,14 @@ from lab.analysis.identification.log_faults import LogFault, faults_of, ranges_o
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import TRIED
 from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, size_weight, written
-from lab.analysis.verdicts.finding_table import AID_NOISE, ARM_OR_LATENCY, AS_LIKELY, EITHER, FAULT_OF_LOG, FINDINGS
+from lab.analysis.verdicts.finding_table import (
+    AID_NOISE,
+    ARM_OR_LATENCY,
+    AS_LIKELY,
+    EITHER,
+    FAULT_OF_LOG,
+    FINDINGS,
+)
 from lab.analysis.verdicts.fix_verdict import latency
 from lab.analysis.verdicts.innovation_verdict import GPS, explanations, finding_of
 from lab.analysis.verdicts.pattern import AXES

@@ -102,15 +102,17 @@ def fix_errors(
     assumed = _of_lever_arm(belief.lever_arm, truth, dtheta, times)
     error = _errors(fixes, used, truth, 0.0) - assumed
     root = np.sqrt(np.diagonal(belief.R))
-    plain = normal_equations(causes / root[:, None], error / root)
+    plain, apart = normal_equations(causes / root[:, None], error / root), error
     late, gain = _latency(plain)
     if _is_late(times.size, late, gain):
         # For a long latency, the error is not velocity times latency, so the fixes are compared with the
         # earlier truth.
-        error = _errors(fixes, used, truth, late) - assumed + causes[..., 0] * late
+        apart = _errors(fixes, used, truth, late) - assumed
+        error = apart + causes[..., 0] * late
     variance = np.diagonal(belief.R)
-    error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]
-    kept = ~outliers(error)
+    # Where the vehicle turns, what a latency adds to fixes stands out from that of their neighbours.
+    kept = ~outliers(apart / root)
+    error, causes = error / root, causes / root[:, None]
     span = float(truth.time[0]), float(truth.time[-1])
     (found,) = _of_errors(times[kept], causes[None, kept], error[None, kept], variance, span)
     return replace(found, outliers=int(np.sum(~kept & ~rejected)), refused=int(np.sum(~kept & rejected)))

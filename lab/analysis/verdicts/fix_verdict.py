@@ -142,7 +142,8 @@ def judge_causes(fit: Fit, assumed: FloatArray) -> list[Weighed]:
     records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
     chosen = select(records, _CAUSES, limits.VERDICT.cause_ratio)
     if len(chosen) == 1:
-        sizes = {chosen[0].name: chosen[0].estimate} | rivals(records, _CAUSES, chosen[0])
+        alike = rivals(records, _CAUSES, chosen[0], limits.VERDICT.cause_ratio)
+        sizes = {chosen[0].name: chosen[0].estimate} | alike
         late, arm = (sizes[name][0] if name in sizes else np.zeros(1) for name in _CAUSES)
         if abs(late[0]) > limits.VERDICT.latency and np.linalg.norm(arm) > limits.VERDICT.lever_arm:
             gain = chosen[0].gain

@@ -248,7 +248,8 @@ def finding_of(found: list[Explanation], seen: Innovations, statistic: str, assu
     `statistic` is its evidence, `assumed` are the latency and the lever arm (4,) that the filter assumed.
     """
     best = found[0]
-    alike = {one.name: one.parts for one in found if one.gain > best.gain - limits.VERDICT.likelihood_ratio}
+    least = max(best.gain - limits.VERDICT.likelihood_ratio, limits.VERDICT.likelihood_ratio)
+    alike = {one.name: one.parts for one in found if one.gain > least}
     if best.name in _PLACE_AND_TIME and alike.keys() >= set(_PLACE_AND_TIME):
         arm, late = (alike[name] for name in _PLACE_AND_TIME)
         return lever_arm_or_latency(arm, float(late[0]), best.gain, assumed)

@@ -88,18 +88,20 @@ def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[
     return [Explained(*part) for part in parts]
 
 
-def rivals(fit: Fit, causes: Mapping[str, Sequence[int]], chosen: Explained) -> dict[str, FloatArray]:
-    """Return the causes that explain the values as well as the only selected one does, with their sizes (b, k).
+def rivals(
+    fit: Fit, causes: Mapping[str, Sequence[int]], chosen: Explained, least: float
+) -> dict[str, FloatArray]:
+    """Return the causes that `select` would choose, too, if the only chosen one was not there, with their sizes.
 
-    The likelihood ratio at which one explanation is preferred to another is not reached between them, so the
-    values do not tell which of them is there.
+    Between them and the chosen one, the likelihood ratio at which one explanation is preferred to another is
+    not reached. Sizes are (b, k) arrays.
     """
     price = _prices(fit, causes)
-    least = chosen.gain - price[chosen.name] - limits.VERDICT.likelihood_ratio
+    least = max(least, chosen.gain - price[chosen.name] - limits.VERDICT.likelihood_ratio)
     return {
         name: estimates(fit, own)
         for name, own in causes.items()
-        if name != chosen.name and gain_of(fit, own) - price[name] > least
+        if name != chosen.name and gain_of(fit, own) - price[name] >= least
     }
 
 

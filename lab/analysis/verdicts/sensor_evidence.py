@@ -142,8 +142,8 @@ class SensorErrors(Sum):
         Drives of the filter and of the matched one, relative to the one that `FACTORS` multiply (runs, 6, 2);
         zero if there is none.
     known : Kept
-        Log-likelihood of the true bias under the drive of the matched filter, minus that under the filter's
-        (runs, 6); zero where that drive is not wrong by enough, or less than noise would hide.
+        Log-likelihood of the true bias under the drive of the matched filter, minus that of a constant bias
+        (runs, 6); zero where the filter has a drive, or the matched one hardly more than noise hides.
     """
 
     matrix: Kept
@@ -534,17 +534,15 @@ def _drift(
         (weight @ (values**2)[..., None])[..., 0],
         np.log(variance / white[:, None, None]).sum(axis=2),
         np.where(
-            matched > limits.VERDICT.drive_factor * np.maximum(drive, hidden),
-            _known(seen.bias[:, axis] @ basis, basis.sum(axis=0), NEARLY_KNOWN * white, power, drive, matched),
+            (drive == 0) & (matched > limits.VERDICT.drive_factor * hidden),
+            _walk(seen.bias[:, axis] @ basis, basis.sum(axis=0), NEARLY_KNOWN * white, matched * power),
             0.0,
         ),
     )
 
 
-def _known(
-    bias: FloatArray, constant: FloatArray, white: FloatArray, power: FloatArray, drive: float, matched: float
-) -> FloatArray:
-    """Return the log-likelihood (runs,) of true biases with one drive, minus that with another.
+def _walk(bias: FloatArray, constant: FloatArray, white: FloatArray, power: FloatArray) -> FloatArray:
+    """Return the log-likelihood (runs,) of true biases that walk, minus that of constant ones.
 
     Parameters
     ----------
@@ -555,16 +553,16 @@ def _known(
     white : (runs,) array
         Variance of the noise through which they are seen.
     power : (k,) array
-        Eigenvalues of `spectrum`.
-    drive, matched
-        The drives.
+        Variances of the walk.
     """
-    found = []
-    for one in (matched, drive):
-        weight = 1 / (white[:, None] + one * power)
+
+    def likelihood(variance: FloatArray) -> FloatArray:
+        weight = 1 / variance
         by_constant = np.sum(weight * bias * constant, axis=1) ** 2 / np.sum(weight * constant**2, axis=1)
-        found.append(0.5 * (by_constant - np.sum(weight * bias**2 - np.log(weight), axis=1)))
-    return np.asarray(found[0] - found[1])
+        return np.asarray(0.5 * (by_constant - np.sum(weight * bias**2 - np.log(weight), axis=1)))
+
+    seen = np.broadcast_to(white[:, None], bias.shape)
+    return likelihood(seen + power) - likelihood(seen)
 
 
 @lru_cache(maxsize=32)

@@ -196,9 +196,9 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     statistic = f"logarithm of the likelihood ratio {gain:.0f}"
     known = float(errors.known.values[:, axes][used].sum())
     if gain < limits.VERDICT.likelihood_ratio < known:
-        # By chance, the noise hides a walk that it would hardly hide, and that is there.
+        # To a filter of constant biases, noise hides by chance a walk that it hardly hides from others.
         statistic = f"logarithm of the likelihood ratio {known:.0f} of the true biases"
-        gain, factor, ends = limits.VERDICT.likelihood_ratio, matched / drive if drive else np.inf, []
+        gain, factor, ends = limits.VERDICT.likelihood_ratio, np.inf, []
     if (
         gain < limits.VERDICT.likelihood_ratio
         or 1 / limits.VERDICT.drive_factor < factor < limits.VERDICT.drive_factor

@@ -108,11 +108,12 @@ def _by_truth(evidence: Evidence) -> list[Weighed]:
     # The effect of the specific force on the gyros looks like an unexpected initial bias.
     g_sensitive = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
     found += judge_start(evidence.start, without=("gyro bias",) if g_sensitive else ())
+    found += _fixes_by_truth(evidence)
     aids = judge_aids(evidence.aids)
     if any(entry.finding.direction != "too large" for entry in found):
-        # Such errors move the navigator off what other sensors rightly measure.
+        # Such errors, those of the fixes too, move the navigator off what other sensors rightly measure.
         aids = [entry for entry in aids if entry.finding.direction == "too large"]
-    found += _fixes_by_truth(evidence) + aids
+    found += aids
     if not found and evidence.fixes is None:
         found = judge_innovations(evidence)
     return found or judge_states(evidence)
