@@ -102,17 +102,16 @@ def walking(sensor: str, seed: int, times: float) -> Result:
 
 @pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
 def test_a_walk_is_named_even_where_the_noise_hides_it_by_chance(sensor: str) -> None:
-    """In some runs, the biases through their noise are hardly likelier with the true drive than with none."""
+    """In some runs, the biases through their noise are hardly likelier with the true drive."""
     by_chance = 0
     rows = slice(0, 3) if sensor == "gyro" else slice(3, 6)
     for seed in range(1001, 1009):
         run = walking(sensor, seed, 10.0)
         errors = run.evidence.sensors
-        squares, determinant = errors.drift_squares.values[0, rows], errors.log_determinant.values[0, rows]
-        constant = (
-            errors.drift_vector.values[0, rows, :, 0] ** 2 / errors.drift_matrix.values[0, rows, :, 0, 0]
-        )
-        gains = 0.5 * (constant - squares - determinant).sum(axis=0)
+        constant = errors.drift_vector.values[0, rows, :, 0] ** 2
+        constant /= errors.drift_matrix.values[0, rows, :, 0, 0]
+        others = errors.drift_squares.values[0, rows] + errors.log_determinant.values[0, rows]
+        gains = 0.5 * (constant - others).sum(axis=0)
         by_chance += gains[1] < gains[0] + limits.VERDICT.likelihood_ratio
         names = [finding.quantity for finding in run.verdict.findings]
         assert names in ([f"Q {sensor} bias"], [f"{sensor} bias drift"])

@@ -8,10 +8,10 @@ fails at 1 %: the plainest form of the question. The verdict may then not be con
 matched: of matched filters, chance puts 1 % there.
 
 A matched filter knows its sensors, but its model may not hold: then its errors are larger than its σ, and a
-verdict that says so is right. Each matched setting that is not called consistent is therefore flown again with
-`PROOF` other seeds, by its own model and by the nonlinear one. It counts as *beyond its model* if its own is off
-at 1 % there, and the nonlinear one removes `cured_part` of the excess or more. The last lines give the part of
-the matched filters that is consistent, of all and without these.
+verdict that says so is right. Each matched setting that is not called consistent is therefore flown again
+with `PROOF` other seeds, by its own model and by the nonlinear one. It counts as *beyond its model* if its
+own is off at 1 % there, and the nonlinear one removes `cured_part` of the excess or more. The last lines give
+the part of the matched filters that is consistent, of all and without these.
 """
 
 from __future__ import annotations

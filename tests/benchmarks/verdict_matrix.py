@@ -1,9 +1,9 @@
 """Verdict matrix: over 60 faults, each alone, what the verdict calls first and what else it accuses.
 
-Run it with ``python -m tests.benchmarks.verdict_matrix [seeds] [words ...]``. Seeds are their number, from 1 on,
-or the first and the last one: ``1001-1003``. The names of missions and of grades of sensors among the words
-choose these; the other words choose the faults whose names have one of them. For each fault, the runs in which
-another cause is named first, or as well, follow with what was said.
+Run it with ``python -m tests.benchmarks.verdict_matrix [seeds] [words ...]``. Seeds are their number, from 1
+on, or the first and the last one: ``1001-1003``. The names of missions and of grades of sensors among the
+words choose these; the other words choose the faults whose names have one of them. For each fault, the runs
+follow in which another cause is named first, or as well, with what was said.
 """
 
 from __future__ import annotations

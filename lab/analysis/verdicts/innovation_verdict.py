@@ -248,15 +248,8 @@ def finding_of(found: list[Explanation], seen: Innovations, statistic: str, assu
     `statistic` is its evidence, `assumed` are the latency and the lever arm (4,) that the filter assumed.
     """
     best = found[0]
-    least = max(best.gain - limits.VERDICT.likelihood_ratio, limits.VERDICT.likelihood_ratio)
-    alike = {one.name: one.parts for one in found if one.gain > least}
-    if best.name in _PLACE_AND_TIME and alike.keys() >= set(_PLACE_AND_TIME):
-        arm, late = (alike[name] for name in _PLACE_AND_TIME)
-        return lever_arm_or_latency(arm, float(late[0]), best.gain, assumed)
-    if best.name == "GPS latency":
-        return latency(float(best.parts[0]), best.gain, assumed)
-    if best.name == "GPS lever arm":
-        return lever_arm(best.parts, best.gain, assumed)
+    if best.name in _PLACE_AND_TIME:
+        return _of_place_or_time(found, assumed)
     if best.name == CORRELATION:
         size = np.sqrt(seen.offered.mean[:3].mean())
         wording = FINDINGS["hidden GPS correlation" if size < 1 else "GPS correlation, by innovations"]
@@ -278,6 +271,19 @@ def finding_of(found: list[Explanation], seen: Innovations, statistic: str, assu
         explanation=_describe(best),
         **_gain_fields(best),
     )
+
+
+def _of_place_or_time(found: list[Explanation], assumed: FloatArray) -> Finding:
+    """Return the finding of a lever arm or a latency, or of both where the second explains as much."""
+    best = found[0]
+    least = max(best.gain - limits.VERDICT.likelihood_ratio, limits.VERDICT.likelihood_ratio)
+    parts = {one.name: one.parts for one in found if one.name in _PLACE_AND_TIME and one.gain >= least}
+    if len(parts) == len(_PLACE_AND_TIME):
+        arm, late = (parts[name] for name in _PLACE_AND_TIME)
+        return lever_arm_or_latency(arm, float(late[0]), best.gain, assumed)
+    if best.name == "GPS latency":
+        return latency(float(best.parts[0]), best.gain, assumed)
+    return lever_arm(best.parts, best.gain, assumed)
 
 
 def _filters_fixes(seen: Innovations) -> bool:

@@ -91,10 +91,10 @@ def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[
 def rivals(
     fit: Fit, causes: Mapping[str, Sequence[int]], chosen: Explained, least: float
 ) -> dict[str, FloatArray]:
-    """Return the causes that `select` would choose, too, if the only chosen one was not there, with their sizes.
+    """Return the causes that may be there instead of the only chosen one, with their sizes (b, k).
 
-    Between them and the chosen one, the likelihood ratio at which one explanation is preferred to another is
-    not reached. Sizes are (b, k) arrays.
+    `select` would choose them, too, and the likelihood ratio at which one explanation is preferred to another
+    is not reached between the chosen one and them.
     """
     price = _prices(fit, causes)
     least = max(least, chosen.gain - price[chosen.name] - limits.VERDICT.likelihood_ratio)
