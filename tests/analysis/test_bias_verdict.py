@@ -87,7 +87,7 @@ def test_a_smaller_drive_is_never_too_large(ten: tuple[str, list[Result]]) -> No
 
 
 def walking(sensor: str, seed: int, times: float) -> Result:
-    """Return a run whose filter knows of no walk: over a flight of T, its σ is so many times that of the noise.
+    """Return a run whose filter knows of no walk, with a σ of so many times that of the noise in a flight T.
 
     The noise N lets a mean over T err by N/√T, and a walk K grows to K √T.
     """
