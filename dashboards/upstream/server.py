@@ -131,7 +131,9 @@ def _changed(model: HasProps) -> Iterator[tuple[str, Any]]:
 def _remember_accepted() -> None:
     """Make Bokeh check a number, a text or a Boolean once for a property, not for each model that has it.
 
-    A page sets 6,000 properties, to few different values. Only values that Bokeh accepts as they are count.
+    A page sets 6,000 properties, to few different values. Only values that Bokeh accepts as they are count,
+    and only those with which a model begins: what a slider or a title takes later is another value each time,
+    and a single one keeps 1 MB of its surroundings from the system.
     """
     prepare_any = Property.prepare_value
     accepted: dict[int, tuple[Property[Any], set[tuple[type, Any]]]] = {}
@@ -147,7 +149,8 @@ def _remember_accepted() -> None:
         if key in known:
             return value
         prepared = prepare_any(declared, owner, name, value, hint=hint)
-        if prepared is value and len(known) < MOST_VALUES and validation_on():
+        is_new = not getattr(owner, "_initialized", True)
+        if is_new and prepared is value and len(known) < MOST_VALUES and validation_on():
             known.add(key)
         return prepared
 

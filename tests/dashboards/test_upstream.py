@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import subprocess
@@ -81,6 +82,17 @@ def test_a_value_is_refused_though_one_was_accepted_before(name: str, good: obje
         assert getattr(Line(**{name: good}), name) == good
         with pytest.raises(ValueError, match=name):
             Line(**{name: bad})
+
+
+def test_a_value_that_changes_is_not_kept() -> None:
+    """A title is another text with each step of a slider; only what models begin with is known again."""
+    begun, later = "".join(["be", "gun"]), "".join(["la", "ter"])
+    title = Title(text=begun)
+    title.text = later
+    title.text = ""
+    known = [one for one in gc.get_objects() if type(one) is tuple and len(one) == 2 and one[0] is str]
+    assert (str, begun) in known
+    assert (str, later) not in known
 
 
 def test_models_share_no_list() -> None:
