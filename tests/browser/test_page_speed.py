@@ -1,4 +1,4 @@
-"""How fast the page follows: from a moved slider to repainted plots, alone, among ten, and beside a held result."""
+"""How fast the page follows a slider: to repainted plots, alone, among ten, and beside a held result."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_slider_beside_a_held_result(
     ratio = np.median(beside) / np.median(alone)
     with capsys.disabled():
         print(
-            f"\nslider to nine plots: median {np.median(alone):.0f} ms; to the Overview beside a held result: "
+            f"\nslider to nine plots: median {np.median(alone):.0f} ms; to the Overview and a held result: "
             f"{np.median(beside):.0f} ms, {ratio:.2f} times, {np.median(received) / 1000:.0f} kB a repaint, "
             f"at most {max(received) / 1000:.0f}"
         )
