@@ -47,9 +47,9 @@ STILL = 2.0
 moving a slider."""
 LOOK = 1.0
 """Time between two looks whether nobody moves a slider [s]."""
-AT_REST = 64 * 2**20
+AT_REST = 48 * 2**20
 """Memory of the cached results that wait for the next visitor once the last one has left [bytes]: those of
-the first page of a mission."""
+the first page of Montréal, 46 MB."""
 EACH = 16 * 2**20
 """Memory of cached results that each page in a browser adds once another has ended [bytes]: twelve positions
 of a slider. Two hundred pages, one after the other, otherwise fill the cache with what nobody sees."""

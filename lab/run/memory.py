@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -160,9 +161,15 @@ def give_back() -> None:
     them, which the histories, each in a block of its own, cannot use.
     """
     if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        trim = getattr(_c_library(), "malloc_trim", None)
         if trim is not None:
             trim(0)
+
+
+@cache
+def _c_library() -> ctypes.CDLL:
+    """Return the C library of this process; each other object of it leaves a class as cyclic garbage."""
+    return ctypes.CDLL(None)
 
 
 def keep_few_freed_blocks() -> None:
@@ -182,7 +189,7 @@ def keep_few_freed_blocks() -> None:
 
 def _mallopt() -> Callable[[int, int], int] | None:
     """Return the function that sets an option of the C library's memory, where there is one."""
-    return getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    return getattr(_c_library(), "mallopt", None) if sys.platform == "linux" else None
 
 
 @contextmanager
@@ -256,7 +263,7 @@ def forget(values: NDArray[Any]) -> None:
     page, begin = mmap.PAGESIZE, values.ctypes.data
     first, last = -(-begin // page) * page, (begin + values.nbytes) // page * page
     if last > first:
-        advise = ctypes.CDLL(None).madvise
+        advise = _c_library().madvise
         advise(ctypes.c_void_p(first), ctypes.c_size_t(last - first), mmap.MADV_DONTNEED)
 
 

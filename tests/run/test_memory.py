@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +39,22 @@ def test_freed_memory_is_given_back() -> None:
     memory.give_back()
     assert last.size
     assert before - taken() > 100e6
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux takes back a part of an array")
+def test_giving_back_leaves_no_garbage() -> None:
+    """A server gives back with each page that ends, and garbage waits for a search."""
+    rows = np.ones(100_000)
+    memory.give_back()
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(3):
+            memory.give_back()
+            memory.forget(rows)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
 
 
 FREEING = """
