@@ -56,8 +56,8 @@ of a slider. Two hundred pages, one after the other, otherwise fill the cache wi
 COUNT = 5
 """Ended pages between two counts of the kept objects: each goes through all of them, 90 ms for 700,000."""
 MOST = 900_000
-"""Most objects for a full collection, which takes half a second for them. The imports are 390,000, and a page
-has 30,000 to 100,000."""
+"""Most objects for a full collection while pages are open: it takes half a second for them. The imports are
+390,000, and a page has 30,000 to 100,000."""
 
 Turn = Callable[[], "asyncio.Future[None]"]
 
@@ -104,6 +104,11 @@ class Openings(Handler):
     def busy(self) -> bool:
         """Whether pages wait for their turn to open."""
         return bool(self._waiting)
+
+    @property
+    def _is_left(self) -> bool:
+        """Whether all pages have ended: then a search keeps nobody waiting, however long it takes."""
+        return self._context is not None and not self._sessions
 
     @property
     def _watched(self) -> int:
@@ -165,7 +170,7 @@ class Openings(Handler):
 
         Once the last page has ended, all that it left is searched: then nobody waits.
         """
-        left = self._context is not None and not self._sessions and self._ended_since > 0
+        left = self._is_left and self._ended_since > 0
         due = (
             left or self._ended_since >= ENOUGH or self._is_much or gc.get_freeze_count() - self._kept > ROOM
         )
@@ -176,7 +181,7 @@ class Openings(Handler):
     async def _search_when_still(self) -> None:
         while rested() < STILL:
             await asyncio.sleep(LOOK)
-        if gc.get_freeze_count() < MOST:
+        if self._is_left or gc.get_freeze_count() < MOST:
             garbage.search_all()
             await asyncio.to_thread(give_back)
             self._ended_since = 0

@@ -262,10 +262,13 @@ def test_everything_is_searched_only_while_nobody_moves_a_slider(monkeypatch: py
 
 @pytest.mark.proof
 def test_everything_is_searched_once_the_last_page_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its streams may have left much, and the memory taken before was that of streams too."""
+    """Its streams may have left much, and the memory taken before was that of streams too.
+
+    However much it is, nobody waits while it is searched.
+    """
     found, turns = searches(monkeypatch), Openings()
     monkeypatch.setattr(openings, "ROOM", UNLIMITED)
-    monkeypatch.setattr(openings, "MOST", UNLIMITED)
+    monkeypatch.setattr(openings, "MOST", 0)
     context: Any = Context([SimpleNamespace(connection_count=1, document=Document())])
     turns._context = ref(context)
     end_pages(turns, 1)
