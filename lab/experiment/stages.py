@@ -39,7 +39,7 @@ from lab.run.compiling_apart import compile_apart
 from lab.run.memory import Retiring, give_back, large_blocks_given_back
 from lab.run.run import in_one
 from lab.sensors import gps
-from lab.sensors.draws import unit_draws
+from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.readings import Readings
 
 
@@ -213,7 +213,7 @@ def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
     return starts(truth, settings, [seed])[0]
 
 
-def starts(truth: Truth, settings: NavigatorSettings, seeds: Sequence[int]) -> list[Start]:
+def starts(truth: Truth, settings: NavigatorSettings, seeds: Sequence[Seed]) -> list[Start]:
     """Return the assumed starts of the runs of some seeds; see `start`."""
     draws = np.stack([unit_draws(seed, "initial error", (9,)) for seed in seeds])
     position, velocity, attitude = (

@@ -9,7 +9,7 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.sensors import processes
-from lab.sensors.draws import DrawStream, unit_draws
+from lab.sensors.draws import DrawStream, Seed, unit_draws
 
 
 class ImuDraws(NamedTuple):
@@ -60,7 +60,7 @@ class ImuDraws(NamedTuple):
         )
 
     @classmethod
-    def constants(cls, seeds: Sequence[int], sensor: str) -> ImuDraws:
+    def constants(cls, seeds: Sequence[Seed], sensor: str) -> ImuDraws:
         """Draw turn-on bias and scale factor of a triad for some seeds, (runs, 3) each, and nothing else."""
         bias, scale = (
             np.stack([unit_draws(seed, f"{sensor}.{name}", (3,)) for seed in seeds])

@@ -13,7 +13,9 @@ Variables*, J. Stat. Software 5 (2000).
 
 from __future__ import annotations
 
+import functools
 import math
+import zlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -26,9 +28,10 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.compiling.compiled_cache import DISABLE_JIT
-from lab.navigation.kernels.compilation import inline_kernel, kernel
+from lab.navigation.kernels import compilation
+from lab.navigation.kernels.compilation import entry_kernel, inline_kernel, kernel
 from lab.navigation.kernels.lane_views import LANES
-from lab.sensors.draws import generator
+from lab.sensors.draws import DrawStream, generator
 
 Streams = NDArray[np.uint64]
 Kernel = Callable[..., Any]
@@ -53,7 +56,12 @@ _U = np.uint64
 _UPPER, _LOWER = _U(MULTIPLIER >> 64), _U(MULTIPLIER & WORD)
 _LOWER_1, _LOWER_0 = _U((MULTIPLIER & WORD) >> 32), _U(MULTIPLIER & HALF)
 _HALF, _MANTISSA, _LAYER, _SIGN = _U(HALF), _U(MANTISSA), _U(LAYER), _U(SIGN)
-_1, _8, _9, _11, _32, _58, _63, _64 = (_U(bits) for bits in (1, 8, 9, 11, 32, 58, 63, 64))
+_1, _8, _9, _11, _16, _32, _58, _63, _64 = (_U(bits) for bits in (1, 8, 9, 11, 16, 32, 58, 63, 64))
+# Factors of `SeedSequence` as words go into its pool and out of it, and where two are mixed.
+_FIRST_IN, _BY_IN, _FIRST_OUT, _BY_OUT = (
+    _U(factor) for factor in (0x43B0D7E5, 0x931E8875, 0x8B51F9DD, 0x58F38DED)
+)
+_MIX_LEFT, _MIX_RIGHT = _U(0xCA01F9DD), _U(0x4973F715)
 _UNIT = 2.0**-53
 _V, _D, _I = ir.VectorType(ir.IntType(64), LANES), ir.VectorType(ir.DoubleType(), LANES), ir.IntType(64)
 
@@ -64,9 +72,103 @@ def streams_of(seeds: Sequence[int], name: str) -> Streams:
     The lower halves of the states of all runs, the upper halves, those of their increments, and room for the
     words of a draw, one after the other.
     """
-    states = [generator(seed, name).bit_generator.state["state"] for seed in seeds]
-    words = [(one[part] >> shift) & WORD for part in ("state", "inc") for shift in (0, 64) for one in states]
-    return np.array([*words, *[0] * LANES], dtype=np.uint64)
+    if DISABLE_JIT or max(seeds) > WORD:
+        states = [generator(seed, name).bit_generator.state["state"] for seed in seeds]
+        parts = [one[part] >> by for part in ("state", "inc") for by in (0, 64) for one in states]
+        return np.array([*(part & WORD for part in parts), *[0] * LANES], dtype=np.uint64)
+    streams = np.zeros(5 * LANES, dtype=np.uint64)
+    _seed(np.array(seeds, dtype=np.uint64), zlib.crc32(name.encode()), streams)
+    return streams
+
+
+@kernel
+def _hashed(value: Any, factors: NDArray[np.uint64], by: np.uint64) -> Any:
+    """Return a word of 32 bits hashed, as NumPy's `SeedSequence` does; the factor changes each time."""
+    value ^= factors[0]
+    factors[0] = (factors[0] * by) & _HALF
+    value = (value * factors[0]) & _HALF
+    return value ^ (value >> _16)
+
+
+@kernel
+def _mixed(left: Any, right: Any) -> Any:
+    """Return two words of 32 bits as one, as `SeedSequence` does."""
+    value = (_MIX_LEFT * left - _MIX_RIGHT * right) & _HALF
+    return value ^ (value >> _16)
+
+
+@entry_kernel
+def _seed(seeds: NDArray[np.uint64], key: int, streams: Streams) -> None:
+    """Write the streams of seeds of 64 bits, as `SeedSequence` with a key and `PCG64` begin them."""
+    pool, words, factors = np.zeros(4, np.uint64), np.zeros(8, np.uint64), np.zeros(1, np.uint64)
+    for lane in range(LANES):
+        factors[0] = _FIRST_IN
+        for place in range(4):
+            entropy = (seeds[lane] >> _32 * _U(place)) & _HALF if place < 2 else _U(0)
+            pool[place] = _hashed(entropy, factors, _BY_IN)
+        for source in range(5):
+            for place in range(4):
+                if source != place:
+                    entropy = pool[source] if source < 4 else _U(key)
+                    pool[place] = _mixed(pool[place], _hashed(entropy, factors, _BY_IN))
+        factors[0] = _FIRST_OUT
+        for place in range(8):
+            words[place] = _hashed(pool[place % 4], factors, _BY_OUT)
+        upper, low, upper_step, low_step = (
+            words[0] | words[1] << _32,
+            words[2] | words[3] << _32,
+            words[4] | words[5] << _32,
+            words[6] | words[7] << _32,
+        )
+        streams[2 * LANES + lane] = low_step << _1 | _1
+        streams[3 * LANES + lane] = upper_step << _1 | low_step >> _63
+        # The first step is from zero, and leads to the increment.
+        streams[lane] = streams[2 * LANES + lane] + low
+        carried = _U(streams[lane] < low)
+        streams[LANES + lane] = streams[3 * LANES + lane] + upper + carried
+        _word(streams, lane)
+
+
+class LaneSeed(DrawStream):
+    """A seed of a block of runs, whose draws are made with those of the others; see `seeds_abreast`."""
+
+    def __init__(self, seed: int, lane: int, draws: Callable[[str, int], FloatArray]) -> None:
+        super().__init__(seed)
+        self._lane, self._draws = lane, draws
+
+    def following(self, name: str, shape: tuple[int, ...]) -> FloatArray:
+        """Return the draws of an error source; see `lab.sensors.draws.unit_draws`."""
+        found: FloatArray = self._draws(name, math.prod(shape))[self._lane].reshape(shape)
+        found.flags.writeable = False
+        return found
+
+
+def seeds_abreast(seeds: Sequence[int]) -> list[LaneSeed]:
+    """Return what stands in the place of up to eight seeds: each asks once for each error source."""
+    whole = [*seeds, *[seeds[-1]] * (LANES - len(seeds))]
+
+    @functools.cache
+    def draws(name: str, size: int) -> FloatArray:
+        out = np.empty((LANES, size))
+        if size:
+            _fill(streams_of(whole, name), np.empty(LANES), out)
+        return out
+
+    return [LaneSeed(seed, lane, draws) for lane, seed in enumerate(seeds)]
+
+
+def is_ready() -> bool:
+    """Return whether draws wait for no compiler: compiled here, or on the disk."""
+    return all(compilation.is_ready(one) for one in (_seed, _fill))
+
+
+@entry_kernel
+def _fill(streams: Streams, drawn: FloatArray, out: FloatArray) -> None:
+    """Write draws of all runs (LANES, n)."""
+    for k in range(out.shape[1]):
+        draw(streams, drawn, 0)
+        for lane in range(LANES):
+            out[lane, k] = drawn[lane]
 
 
 @inline_kernel

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache
 from lab.base.parameters.units import si
-from lab.experiment.ensembles.lane_draws import Streams, draw, streams_of
+from lab.experiment.ensembles import lane_draws
+from lab.experiment.ensembles.lane_draws import Streams, draw, seeds_abreast, streams_of
 from lab.experiment.sensor_stages import SampledFlight
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels import compilation
@@ -162,7 +163,7 @@ def triads(
     name, first = ("gyro", 0) if isinstance(errors, imu.GyroErrors) else ("accelerometer", 3)
     ideal, dt = flight.ideal.dvelocity if first else flight.ideal.dtheta, flight.ideal.dt
     lanes = [*range(len(seeds)), *[len(seeds) - 1] * (LANES - len(seeds))]
-    draws = imu.ImuDraws.constants(seeds, name)
+    draws = imu.ImuDraws.constants(seeds_abreast(seeds), name)
     bias, M = imu.turn_on_bias(errors, draws), imu.cross_coupling(errors, draws)
     out, process = room.increments, _processes(seeds, name, errors, dt, room)
     warmer = _warmer(errors, sensors, flight)
@@ -250,7 +251,7 @@ def _warmer(errors: Errors, sensors: SensorSuite, flight: SampledFlight) -> Floa
 
 def is_ready() -> bool:
     """Return whether the function waits for no compiler: compiled here, or on the disk."""
-    return compilation.is_ready(_sense)
+    return compilation.is_ready(_sense) and lane_draws.is_ready()
 
 
 @entry_kernel

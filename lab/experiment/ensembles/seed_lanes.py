@@ -24,6 +24,7 @@ from lab.base.arrays import FloatArray
 from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
+from lab.experiment.ensembles.lane_draws import seeds_abreast
 from lab.experiment.ensembles.lane_results import LaneResults, Navigated, Samples, Sensed
 from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
@@ -242,15 +243,18 @@ class SeedLanes:
     def _sense(self, seeds: Sequence[int], room: SensorRoom) -> list[Sensed]:
         """Simulate the sensors of some runs; the room is written, and referred to."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
-        begun = starts(truth, navigator, seeds)
+        abreast = seeds_abreast(seeds)
+        begun = starts(truth, navigator, abreast)
         aligned = [self._aligned(one, seed) for one, seed in zip(begun, seeds, strict=True)]
         gyros = self._triads("gyro", seeds, [bias for _, bias, _ in aligned], room)
         accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), room)
         found = []
-        for seed, (own, _, P), gyro, accelerometer in zip(seeds, aligned, gyros, accelerometers, strict=True):
+        for seed, drawn, (own, _, P), gyro, accelerometer in zip(
+            seeds, abreast, aligned, gyros, accelerometers, strict=True
+        ):
             assumed = self._belief if P is None else belief(sensors, navigator, P, self._of_bias_states)
             constants = None if P is None else np.diag(P)
-            draws = gps.GpsDraws.of(seed, self._fix_truth.time.size, sensors.gps)
+            draws = gps.GpsDraws.of(drawn, self._fix_truth.time.size, sensors.gps)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
             if self._withheld:
                 kept = ~gps.within(self._withheld, fixes.time)

@@ -299,9 +299,9 @@ def _block(run: Filter, lanes: Sequence[Lane], model: ErrorModel, fixes: int) ->
             (place.NOISE, lane.belief.noise[: WHITE + space.DRIVEN]),
         ):
             buffer[first : first + values.size, own] = values
-    counts, clock, streak = (np.tile(kept, (LANES, 1)) for kept in (run.counts, run.clock, run.streak))
+    counts = np.tile(run.counts, (LANES, 1))
     counts[:, 0] = fixes * np.arange(LANES)
-    return buffer, Counters(counts, clock, streak)
+    return buffer, Counters(counts, np.tile(run.clock, (LANES, 1)), np.tile(run.streak, (LANES, 1)))
 
 
 _OF_FIXES = tuple(name for name in Solution._fields if name.startswith(("fix_", "innovation")))
