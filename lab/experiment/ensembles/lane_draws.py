@@ -48,22 +48,19 @@ LAYER, SIGN = 2**8 - 1, 2**8
 
 _TABLES: Any = distributions
 _WIDTHS, _LIMITS, _HEIGHTS = _TABLES.wi_double, _TABLES.ki_double, _TABLES.fi_double
-_LAST, _PER_LAST = (
-    _TABLES.ziggurat_nor_r,
-    _TABLES.ziggurat_nor_inv_r,
-)  # where the tail begins, and its inverse
+_LAST, _PER_LAST = _TABLES.ziggurat_nor_r, _TABLES.ziggurat_nor_inv_r  # where the tail begins; its inverse
 _U = np.uint64
-_UPPER, _LOWER = _U(MULTIPLIER >> 64), _U(MULTIPLIER & WORD)
-_LOWER_1, _LOWER_0 = _U((MULTIPLIER & WORD) >> 32), _U(MULTIPLIER & HALF)
+_UPPER, _LOWER = _U(MULTIPLIER >> 64), _U(MULTIPLIER & WORD)  # words of the multiplier
+_LOWER_1, _LOWER_0 = _U((MULTIPLIER & WORD) >> 32), _U(MULTIPLIER & HALF)  # halves of its lower word
 _HALF, _MANTISSA, _LAYER, _SIGN = _U(HALF), _U(MANTISSA), _U(LAYER), _U(SIGN)
 _1, _8, _9, _11, _16, _32, _58, _63, _64 = (_U(bits) for bits in (1, 8, 9, 11, 16, 32, 58, 63, 64))
-# Factors of `SeedSequence` as words go into its pool and out of it, and where two are mixed.
-_FIRST_IN, _BY_IN, _FIRST_OUT, _BY_OUT = (
-    _U(factor) for factor in (0x43B0D7E5, 0x931E8875, 0x8B51F9DD, 0x58F38DED)
-)
-_MIX_LEFT, _MIX_RIGHT = _U(0xCA01F9DD), _U(0x4973F715)
-_UNIT = 2.0**-53
-_V, _D, _I = ir.VectorType(ir.IntType(64), LANES), ir.VectorType(ir.DoubleType(), LANES), ir.IntType(64)
+_FIRST_IN, _BY_IN = _U(0x43B0D7E5), _U(0x931E8875)  # factors of `SeedSequence` for words into its pool,
+_FIRST_OUT, _BY_OUT = _U(0x8B51F9DD), _U(0x58F38DED)  # for those out of it,
+_MIX_LEFT, _MIX_RIGHT = _U(0xCA01F9DD), _U(0x4973F715)  # and where two are mixed
+_UNIT = 2.0**-53  # of the upper bits of a word, as a number from 0 to 1
+_V = ir.VectorType(ir.IntType(64), LANES)  # types of the compiler: words and numbers of all runs, a word
+_D = ir.VectorType(ir.DoubleType(), LANES)  # numbers of all runs
+_I = ir.IntType(64)  # a word
 
 
 def streams_of(seeds: Sequence[int], name: str) -> Streams:
