@@ -180,6 +180,7 @@ def maximise(
     progress: Progress = lambda _stage, _fraction: None,
     most: int = ROUNDS,
     enough: float = math.inf,
+    certain: bool = True,
 ) -> Estimate:
     """Return the most likely parameters.
 
@@ -199,6 +200,9 @@ def maximise(
         Most steps of the search.
     enough
         Log-likelihood at which the search ends.
+    certain
+        Whether σ and covariance are those at the estimate; otherwise they are those of the last step but one,
+        and the search saves a run of the filter for each parameter.
 
     Raises
     ------
@@ -240,7 +244,7 @@ def maximise(
             sigma = np.sqrt(np.diag(np.linalg.inv(information)))
             small = bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
             place, here, value, damping = trial, there, better, damping / STIFFER
-            if small or value > enough:
+            if small or value > enough or (rounds == most and not certain):
                 break  # the slopes there are those here, or are not asked for
             slopes = _slopes(run, parameters, free, place, here, pool)
     white = is_white(here)

@@ -15,26 +15,35 @@ profile-likelihood-based confidence intervals*, Applied Statistics 37 (1988).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from scipy import special
 
-from lab.analysis.identification.assumptions import FIX, LATENCY, NOISE, NOTHING, PARAMETERS, Known
+from lab.analysis.identification.assumptions import FIX, NOISE, NOTHING, PARAMETERS, Known
 from lab.analysis.identification.likelihood import NORMAL, Estimate, Parameter, log_likelihoods, maximise
-from lab.analysis.identification.observable import UNLIKE_ZERO, Search
+from lab.analysis.identification.observable import AHEAD, UNLIKE_ZERO, Search
 from lab.base.arrays import Flags, FloatArray
 
-TRIALS = 7
+OUTSIDE = 0.05
+"""Probability that an interval does not contain the truth."""
+TRIALS = 9
 """Most trials for an end."""
-CLOSE = 0.1
+CLOSE = 0.2
 """Accuracy of the loss at an end, before the last step to it, as a part of what is wanted."""
+GROWTH = 1.5
+"""Power of a noise with which the loss in σ grows there, if no trial below it says so: 1 to 2."""
 ROUNDS_BESIDE = 2
 """Most steps of the search for the best values of the other noises; it begins near them."""
 LEAST = 0.05
 """Least loss in σ, and least part of a bracket that a trial leaves on each side. A plain choice."""
+SHORTEST = 0.25
+"""Least part of a bracket of an upper end that a trial leaves on each side: beyond it, the loss is steep."""
 STEP = 0.3
 """Shortest step of the logarithm of a noise while an end is not enclosed."""
+HARDLY = 0.5
+"""Loss in σ without the other noises below which they stand for nothing."""
 BELOW = 0.35
 """How far below its upper end another noise begins: a logarithm, of half the variance."""
 LARGE = 1e3
@@ -62,7 +71,7 @@ def logarithm_intervals(
     known
         What the log shows beside values that were held; the intervals contain its estimates.
     """
-    noise, half = np.flatnonzero(~search.held[NOISE]), NORMAL * joint.sigma
+    noise = np.flatnonzero(~search.held[NOISE])
     profiles = [_Profile(search, whole, joint, without, int(index)) for index in noise]
     highs = np.full(PARAMETERS, -math.inf)
     with ThreadPoolExecutor(max_workers=2) as pool:
@@ -70,15 +79,27 @@ def logarithm_intervals(
         lows = dict(zip(noise, pool.map(lambda one: one.low(highs), profiles), strict=True))
     ends = {int(index): (lows[index], float(highs[index])) for index in noise}
     for index in range(*FIX.indices(PARAMETERS)):
-        ends[index] = float(joint.value[index] - half[index]), float(joint.value[index] + half[index])
-    return {index: _with(known.get(index), *both) for index, both in ends.items()}
+        ends[index] = _of_variance(float(joint.value[index]), float(joint.sigma[index]))
+    return {index: _with(known.get(index), index, *both) for index, both in ends.items()}
 
 
-def _with(known: Known | None, low: float, high: float) -> Ends:
-    """Return an interval that contains the estimate."""
+def _of_variance(value: float, sigma: float) -> Ends:
+    """Return the interval of ln σ of a variance, which has a χ² distribution, from the σ of its estimate."""
+    if not sigma > 0:
+        return value, value
+    degrees = 1 / (2 * sigma**2)
+    below, above = special.chdtri(degrees, [OUTSIDE / 2, 1 - OUTSIDE / 2])
+    return value + 0.5 * math.log(degrees / below), value + 0.5 * math.log(degrees / above)
+
+
+def _with(known: Known | None, index: int, low: float, high: float) -> Ends:
+    """Return an interval that contains what is known beside values that were held."""
     if known is None:
         return low, high
-    return -math.inf if known.bounded else min(low, known.value), max(high, known.value)
+    if index < NOISE.stop:
+        return -math.inf if known.bounded else min(low, known.value), max(high, known.value)
+    beside = _of_variance(known.value, known.sigma)
+    return -math.inf if known.bounded else min(low, beside[0]), max(high, beside[1])
 
 
 class _Profile:
@@ -103,44 +124,58 @@ class _Profile:
         self._sigma = float(joint.sigma[index])
         self.wanted = NORMAL * max(1.0, self._sigma / math.sqrt(joint.covariance[index, index]))
         every = np.arange(PARAMETERS)
-        self._kept: Flags = search.held | (every == index) | (every >= LATENCY)
+        self._kept: Flags = search.held | (every == index)
         self._idle = (every < NOISE.stop) & (every != index)
         self._idle[NOISE] &= without <= self.wanted**2
 
     def _loss(self, likelihood: float) -> float:
         return math.sqrt(max(2 * (self._joint.log_likelihood - likelihood), 0.0))
 
-    def _plain(self, at: float, places: Sequence[FloatArray]) -> tuple[float, int]:
-        """Return the least loss with the other noises at some places, and the index of the place."""
-        found = []
-        for place in places:
-            moved = place.copy()
-            moved[self._index] = at
-            try:
-                found.append(self._loss(float(log_likelihoods(self._search.run(moved)).sum())))
-            except (ValueError, np.linalg.LinAlgError):  # with this value, the filter cannot run
-                found.append(math.inf)
-        return min(found), int(np.argmin(found))
+    def _plain(self, at: float, place: FloatArray) -> float:
+        """Return the loss with the others at a place; infinite if the filter cannot run there."""
+        moved = place.copy()
+        moved[self._index] = at
+        try:
+            return self._loss(float(log_likelihoods(self._search.run(moved)).sum()))
+        except (ValueError, np.linalg.LinAlgError):
+            return math.inf
+
+    def _alone(self) -> tuple[float, float, FloatArray] | None:
+        """Return estimate, σ and place where it stands for all that may be zero; None if it cannot."""
+        place = np.where(self._idle, -NOTHING, self._joint.value)
+        value, sigma = float(self._joint.value[self._index]), self._sigma
+        if self._plain(value, place) < HARDLY:
+            return value, sigma, place
+        try:
+            found = maximise(self._search.run, self._whole, place, self._search.held | self._idle, most=AHEAD)
+        except (ValueError, np.linalg.LinAlgError):  # without the other noise, the filter cannot run
+            return None
+        if self._loss(found.log_likelihood) >= self.wanted:
+            return None
+        return float(found.value[self._index]), float(found.sigma[self._index]), found.value
 
     def _best(self, at: float, place: FloatArray, kept: Flags, most: int) -> tuple[float, FloatArray]:
         """Return the loss with the best values of the others, and these."""
         begin = place.copy()
         begin[self._index] = at
         try:
-            found = maximise(self._search.run, self._whole, begin, kept, most=most)
+            found = maximise(self._search.run, self._whole, begin, kept, most=most, certain=False)
         except (ValueError, np.linalg.LinAlgError):
             return math.inf, place
         return self._loss(found.log_likelihood), found.value
 
     def high(self) -> float:
         """Return the upper end: without the noises for which this one may stand, or with them."""
-        places = [self._joint.value, np.where(self._idle, -NOTHING, self._joint.value)]
-        certain = self._sigma < UNLIKE_ZERO
-        value, top = float(self._joint.value[self._index]), self._whole[self._index].high
-        at = value + NORMAL * self._sigma if certain else max(value, 0.0) + STEP
-        low, high, which = (value, LEAST) if certain else None, None, 0
+        value, sigma, place = float(self._joint.value[self._index]), self._sigma, self._joint.value
+        kept, top = self._kept, self._whole[self._index].high
+        alone = self._alone() if self._idle.any() else None
+        if alone is not None:
+            (value, sigma, place), kept = alone, kept | self._idle
+        certain = sigma < UNLIKE_ZERO
+        at = value + NORMAL * sigma if certain else max(value, 0.0) + STEP
+        low, high = (value, LEAST) if certain else None, None
         for _ in range(TRIALS):
-            lost, which = self._plain(at, places)
+            lost = self._plain(at, place)
             if abs(lost / self.wanted - 1) < CLOSE or (lost < self.wanted and at >= top):
                 break
             if lost < self.wanted:
@@ -148,15 +183,15 @@ class _Profile:
             else:
                 high = at, lost
             at = min(_between(low, high, self.wanted, at), top)
-        kept = self._kept | (self._idle if which else np.zeros(PARAMETERS, np.bool_))
+        else:
+            lost = self.wanted
+        slope = lost * GROWTH if low is None or low[0] >= at else max(lost - low[1], LEAST) / (at - low[0])
         for _ in range(2):
-            lost, _ = self._best(at, places[which], kept, 1)
+            lost, _ = self._best(at, place, kept, 1)
             if not math.isfinite(lost):
                 break
-            ratio = self.wanted / max(lost, LEAST)
-            step = (at - value) * (ratio - 1) if certain else math.log(ratio)
-            at = min(at + float(np.clip(step, -STEP, 2 * STEP)), top)
-            if abs(ratio - 1) < CLOSE:
+            at = min(at + float(np.clip((self.wanted - lost) / slope, -STEP, STEP)), top)
+            if abs(lost / self.wanted - 1) < CLOSE:
                 break
         return at
 
@@ -171,15 +206,14 @@ class _Profile:
             math.exp(-2 * NORMAL * self._sigma),
             1 - self.wanted / self._without if self._without < 2 * self.wanted else 0.0,
         )
-        kept = self._search.held | (np.arange(PARAMETERS) == self._index)
         # Far below its upper end, a noise has no slope by which a search could find it.
         places = [self._joint.value]
         for other in np.flatnonzero(self._idle):
             places.append(self._joint.value.copy())
             places[-1][other] = max(places[-1][other], highs[other] - BELOW)
-        place = places[self._plain(value + 0.5 * math.log(at), places)[1]]
+        place = min(places, key=lambda one: self._plain(value + 0.5 * math.log(at), one))
         for _ in range(TRIALS):
-            lost, place = self._best(value + 0.5 * math.log(at), place, kept, ROUNDS_BESIDE)
+            lost, place = self._best(value + 0.5 * math.log(at), place, self._kept, ROUNDS_BESIDE)
             if lost > self.wanted:
                 first = at, min(lost, LARGE)
             else:
@@ -202,4 +236,4 @@ def _between(
         step = math.log(wanted / min(max(lost, LEAST), LARGE))
         return place + math.copysign(float(np.clip(abs(step), STEP, LONGEST)), step)
     parts = math.log(wanted / low[1]) / math.log(min(high[1], LARGE) / low[1])
-    return low[0] + float(np.clip(parts, LEAST, 1 - LEAST)) * (high[0] - low[0])
+    return low[0] + float(np.clip(parts, SHORTEST, 1 - SHORTEST)) * (high[0] - low[0])

@@ -124,10 +124,10 @@ def find_observable(
             # Another noise may stand for this one: only what no other parameters explain is refuted.
             kept = search.held | (every == index) | (every >= LATENCY)
             enough = estimate.log_likelihood - REJECTED / 2
-            best = maximise(search.run, whole, other, kept, most=AHEAD, enough=enough).log_likelihood
+            best = maximise(search.run, whole, other, kept, most=AHEAD, enough=enough, certain=False)
         except (ValueError, np.linalg.LinAlgError):  # with this value, the filter cannot run
             return math.inf
-        return 2 * (estimate.log_likelihood - best)
+        return 2 * (estimate.log_likelihood - best.log_likelihood)
 
     def refuted(index: int, value: float) -> bool:
         return loss(index, value) > REJECTED
@@ -164,7 +164,7 @@ def _with_refuted(
     """Return the estimate with noise freed while the log refutes that all held noise stands; change `held`.
 
     Of two noises that may each stand for the other, neither is shown. One of them is nevertheless wrong if
-    both together are.
+    both together are. What the joint estimate explains by latency and lever arm frees no noise.
     """
     noise = np.arange(held.size) < NOISE.stop
     while len(left := [int(at) for at in np.flatnonzero(held & ~search.held & noise)]) > 1:
@@ -175,11 +175,11 @@ def _with_refuted(
         for one in left:
             alone = np.arange(held.size) != one
             begin = np.where(held & alone, stands, np.where(held, joint.value, estimate.value))
-            tried.append(maximise(search.run, whole, begin, alone, most=AHEAD))
+            tried.append(maximise(search.run, whole, begin, alone, most=AHEAD, certain=False))
         best = int(np.argmax([one.log_likelihood for one in tried]))
         others = held & (np.arange(held.size) != left[best])
         freed = maximise(search.run, whole, tried[best].value, others, most=AHEAD)
-        if freed.log_likelihood <= estimate.log_likelihood:
+        if 2 * (freed.log_likelihood - estimate.log_likelihood) <= REJECTED:
             break
         held[left[best]], estimate = False, freed
     return estimate
