@@ -21,7 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from scipy import special
 
-from lab.analysis.identification.assumptions import FIX, NOISE, NOTHING, PARAMETERS, Known
+from lab.analysis.identification.assumptions import FIX, LATENCY, NOISE, NOTHING, PARAMETERS, Known
 from lab.analysis.identification.likelihood import NORMAL, Estimate, Parameter, log_likelihoods, maximise
 from lab.analysis.identification.observable import AHEAD, UNLIKE_ZERO, Search
 from lab.base.arrays import Flags, FloatArray
@@ -125,6 +125,7 @@ class _Profile:
         self.wanted = NORMAL * max(1.0, self._sigma / math.sqrt(joint.covariance[index, index]))
         every = np.arange(PARAMETERS)
         self._kept: Flags = search.held | (every == index)
+        self._late = every >= LATENCY
         self._idle = (every < NOISE.stop) & (every != index)
         self._idle[NOISE] &= without <= self.wanted**2
 
@@ -146,8 +147,9 @@ class _Profile:
         value, sigma = float(self._joint.value[self._index]), self._sigma
         if self._plain(value, place) < HARDLY:
             return value, sigma, place
+        held = self._search.held | self._idle | self._late
         try:
-            found = maximise(self._search.run, self._whole, place, self._search.held | self._idle, most=AHEAD)
+            found = maximise(self._search.run, self._whole, place, held, most=AHEAD)
         except (ValueError, np.linalg.LinAlgError):  # without the other noise, the filter cannot run
             return None
         if self._loss(found.log_likelihood) >= self.wanted:
@@ -167,7 +169,7 @@ class _Profile:
     def high(self) -> float:
         """Return the upper end: without the noises for which this one may stand, or with them."""
         value, sigma, place = float(self._joint.value[self._index]), self._sigma, self._joint.value
-        kept, top = self._kept, self._whole[self._index].high
+        kept, top = self._kept | self._late, self._whole[self._index].high
         alone = self._alone() if self._idle.any() else None
         if alone is not None:
             (value, sigma, place), kept = alone, kept | self._idle
