@@ -41,10 +41,10 @@ class Row(NamedTuple):
     before, after : float
         Assumed value and identified value; equal if the log does not show the parameter.
     sigma : float
-        Standard deviation of `after`; NaN if the log does not show the parameter.
+        Standard deviation of `after` beside the other values; NaN if the log does not show the parameter.
     low, high : float
         95 % interval, whatever other noise may be; it starts at 0 if the log only shows that the parameter is
-        at most `high`.
+        at most `high`. Noise that the log does not show has one, too; other parameters then have NaN.
     observable : bool
         Whether the log shows the parameter.
     applied : bool

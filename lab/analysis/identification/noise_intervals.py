@@ -37,19 +37,21 @@ GROWTH = 1.5
 ROUNDS_BESIDE = 2
 """Most steps of the search for the best values of the other noises; it begins near them."""
 LEAST = 0.05
-"""Least loss in σ, and least part of a bracket that a trial leaves on each side. A plain choice."""
+"""Least loss in σ, and least part of a bracket that a trial of a lower end leaves on each side: a plain
+choice."""
 SHORTEST = 0.25
 """Least part of a bracket of an upper end that a trial leaves on each side: beyond it, the loss is steep."""
 STEP = 0.3
-"""Shortest step of the logarithm of a noise while an end is not enclosed."""
+"""Shortest step of the logarithm of a noise while an end is not enclosed. A plain choice."""
+LONGEST = 2.0
+"""Longest such step: that of the search."""
 HARDLY = 0.5
-"""Loss in σ without the other noises below which they stand for nothing."""
+"""Loss in σ without the other noises below which they stand for nothing: an eighth of a unit of
+log-likelihood, of the 1.9 at an end."""
 BELOW = 0.35
 """How far below its upper end another noise begins: a logarithm, of half the variance."""
 LARGE = 1e3
 """Largest loss in σ that decides the next trial. A plain choice."""
-LONGEST = 2.0
-"""Longest such step."""
 
 Ends = tuple[float, float]
 """Ends of an interval, in the coordinate of the search; −∞ if the noise may be zero."""
