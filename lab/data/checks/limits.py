@@ -164,6 +164,11 @@ class CheckLimits:
         the rate.
     gravity_unit_ratio : tuple of 2 floats
         Median specific force over a unit's factor at which that unit is named: the motion adds to gravity.
+    parts : int
+        Parts of a log whose median specific forces are compared. A plain choice.
+    part_ratio : float
+        Factor to 9.8 within which the largest step between these, in order of size, is a change of the unit:
+        the motion adds to gravity.
     leg : float
         Length of the legs in which turns and changes of speed are compared [s]: fixes of 1 Hz have it.
     longest_leg : float
@@ -371,6 +376,8 @@ class CheckLimits:
     imu_interval: float = 0.5
     gravity_ratio: tuple[float, float] = (0.7, 1.5)
     gravity_unit_ratio: tuple[float, float] = (0.7, 1.4)
+    parts: int = 10
+    part_ratio: float = 1.4
     leg: float = 1.0
     longest_leg: float = 2.5
     course_speed: float = 2.0

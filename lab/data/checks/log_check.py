@@ -214,7 +214,9 @@ def _check_interval(log: SensorLog) -> None:
 
 def _check_force(log: SensorLog) -> None:
     _, force = log.rates
-    size = float(np.median(np.linalg.norm(force, axis=1))) / STANDARD_GRAVITY
+    sizes = np.linalg.norm(force, axis=1)
+    size = float(np.median(sizes)) / STANDARD_GRAVITY
+    _check_one_unit(log, sizes)
     dt = float(np.median(np.diff(log.time)))
     causes = {
         1 / STANDARD_GRAVITY: "the accelerometers' numbers look like g where m/s² are declared",
@@ -242,6 +244,21 @@ def _check_force(log: SensorLog) -> None:
             f"{log.name}: the reaction to gravity is measured along {sign}{direction}, but a level vehicle "
             "measures it along minus down: swapped axes or signs are likely. axes in log.toml, or "
             "--axes of ins-lab import --as log, says which axes of the IMU point forward, right, down"
+        )
+
+
+def _check_one_unit(log: SensorLog, sizes: FloatArray) -> None:
+    """Refuse a specific force whose unit changes from part to part of the log."""
+    parts = np.array([np.median(one) for one in np.array_split(sizes, min(sizes.size, limits.LOG.parts))])
+    steps = np.diff(np.log(np.maximum(np.sort(parts), 1e-12)))
+    if steps.size and abs(steps.max() - np.log(STANDARD_GRAVITY)) < np.log(limits.LOG.part_ratio):
+        light = parts < np.sqrt(parts.min() * parts.max())
+        starts = log.time[:-1][np.flatnonzero(light) * sizes.size // parts.size]
+        small, usual = np.median(parts[light]), np.median(parts[~light])
+        raise MissionError(
+            f"{log.name}: the specific force is {small:.3g} m/s² in the parts that begin at "
+            f"{', '.join(f'{one:.0f}' for one in starts)} s, and {usual:.3g} m/s² elsewhere (medians): it "
+            "changes between g and m/s²; accepted is one unit in a column"
         )
 
 
@@ -276,7 +293,7 @@ def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
     if likeness is not None:
         factors = np.abs(likeness[np.abs(likeness[:, 0]) >= limits.LOG.axis_correlation, 1])
     elif rows.sum() >= limits.LOG.legs and abs(turn := motion.turn[rows].mean()) > limits.LOG.gyro_bias:
-        factors = np.linalg.norm(np.median(log.rates[0], axis=0), keepdims=True) / abs(turn)  # a circle
+        factors = np.array([np.linalg.norm(np.median(log.rates[0], axis=0)) / abs(turn)])  # a circle
     else:
         return
     if not factors.any():

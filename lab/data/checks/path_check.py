@@ -89,6 +89,11 @@ def path_faults(time: FloatArray, position: FloatArray, velocity_n: FloatArray) 
     if legs.moved.size < limits.LOG.fix_legs:
         return []
     found = [_horizontal(legs)]
+    if found[0] is not None and found[0].kind == UNLIKE:
+        swapped = legs_of(time, position[:, [1, 0, 2]], velocity_n)
+        if swapped.moved.size == legs.moved.size and _horizontal(swapped) is None:
+            cause = "latitude and longitude are exchanged"
+            found[0] = PathFound(TURNED, False, likeness(legs.gone, legs.moved, centred=False), cause)
     known = np.isfinite(legs.climbed)
     if known.sum() >= limits.LOG.fix_legs:
         found.append(_vertical(legs.risen[known], legs.climbed[known]))

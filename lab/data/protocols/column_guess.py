@@ -19,7 +19,7 @@ from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.files.profile import profile_of
-from lab.data.files.unit_names import unit_of
+from lab.data.files.unit_names import UNITS, unit_of
 from lab.data.protocols.column_map import (
     CLOCK,
     IGNORED,
@@ -203,7 +203,7 @@ def _complete(columns: Sequence[Column]) -> list[Column]:
     there = _names(columns)
     left_out = {kind for kind, count in axes.items() if count < AXES}
     left_out |= set() if set(OF_A_FIX[:2]) <= there else set(OF_A_FIX)
-    left_out |= set() if set(OF_A_FIX[3:]) <= there else set(OF_A_FIX[3:])
+    left_out |= set() if set(OF_A_FIX[3:5]) <= there else set(OF_A_FIX[3:])
     return [Column() if column.kind in left_out else column for column in columns]
 
 
@@ -346,14 +346,21 @@ def _heads(line: str, separator: str) -> list[str]:
         cell.strip(" \"'\ufeff") for cell in line.lstrip("#% ").split(separator if separator != " " else None)
     ]
     cells = cells[:-1] if cells and not cells[-1] else cells
-    whole = len(cells) >= AXES and all(cell and not IS_NUMBER.fullmatch(cell) for cell in cells)
+    whole = len(cells) >= AXES and all(
+        cell and not IS_NUMBER.fullmatch(cell.replace(",", ".")) for cell in cells
+    )
     return cells if whole and not any(IS_STAMP.fullmatch(cell) for cell in cells) else []
 
 
 def _header(lines: Sequence[str], separator: str, count: int) -> list[str] | None:
-    """Return the headings of the last line with the right number of cells, of which none is a number."""
-    found = (cells for line in reversed(lines) if len(cells := _heads(line, separator)) == count)
-    return next(found, None)
+    """Return the headings of the last line with the right number of cells, of which none is a number.
+
+    Where that holds units alone, those of the line before, each with its unit.
+    """
+    found = [cells for line in lines if len(cells := _heads(line, separator)) == count][-2:]
+    if len(found) == 2 and all(any(unit_of(kind, cell) for kind in UNITS) for cell in found[1]):
+        return [f"{heading} [{unit}]" for heading, unit in zip(*found, strict=True)]
+    return found[-1] if found else None
 
 
 def named(headings: Sequence[str], remarks: list[str], others: Sequence[str] = ()) -> list[Column]:

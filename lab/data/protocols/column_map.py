@@ -136,7 +136,7 @@ def _refuse_parts(names: Sequence[str]) -> None:
         there = [axis for axis in _AXES if f"{vector}_{axis}" in names]
         if there and len(there) < len(_AXES):
             raise ColumnMapError(f"{vector} has only {', '.join(there)}; accepted are all three axes or none")
-    for parts in (OF_A_FIX[:2], OF_A_FIX[3:]):
+    for parts in (OF_A_FIX[:2], OF_A_FIX[3:5]):
         there = [one for one in parts if one in names]
         if there and len(there) < len(parts):
             raise ColumnMapError(

@@ -238,6 +238,10 @@ def with_units(
         if name in places and not units.get(name):
             values = np.abs(rows[:, places[name]])
             units[name] = "1e-7°" if np.nanmax(values, initial=0.0) > _MOST_DEGREES else "°"
+    whole = [name for name in OF_A_FIX[2:] if name in places and not units.get(name)]
+    counts = rows[:, [places[name] for name in whole]]
+    if units.get("latitude") == "1e-7°" and (np.isnan(counts) | (counts % 1 == 0)).all():
+        units |= {name: "mm" if name == "altitude" else "mm/s" for name in whole}  # as receivers of u-blox
     if "time" in places and "time" not in units:
         found = time_column(rows[:, [places["time"]]], [])
         units["time"] = found[1] if found else "s"

@@ -9,7 +9,7 @@ from lab.data.protocols.samples import NAN
 
 NUMBER = r"[+-]?(?:\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})(?:[eE][+-]?\d{1,3})?"
 """A plain number; nanoseconds since 1970 have 19 digits."""
-NO_VALUE = r"(?:[+-]?[nN][aA][nN]|null|NULL|None|[+-]?[iI]nf(?:inity)?|ovf)"
+NO_VALUE = r"(?:[+-]?[nN][aA][nN]|null|NULL|[nN]one|NONE|[nN]/[aA]|[+-]?[iI]nf(?:inity)?|ovf)"
 """What devices write where they have no number; ``ovf`` is the Arduino's for one that is too large."""
 _DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
 _TIME = r"\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?"

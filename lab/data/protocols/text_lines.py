@@ -208,7 +208,7 @@ class TextLines:
         self._scale(columns)
         self._readings = {name: NAN for name in READINGS if name in self._places}
         unit = next((column.unit for column in columns.columns if column.quantity == "time"), "")
-        self._clock = _TimeCheck(_WRAPS.get(unit))
+        self._clock = _TimeCheck(_WRAPS.get(unit, math.inf))
         if unit in _WRAPS:
             self.wrap_period = _WRAPS[unit] * self._scales["time"]
 
@@ -267,7 +267,10 @@ class TextLines:
         if "time" not in self._places:
             self._add(cells, NAN, end)
             return
-        accepted, refused = self._clock.accept(self._time(cells), (cells, end))
+        time = self._time(cells)
+        if time >= 2 * self._clock.modulus:  # counted since 1970; a leap second ends a day a little late
+            self._clock.modulus = self.wrap_period = math.inf
+        accepted, refused = self._clock.accept(time, (cells, end))
         self.statistics.refused += refused
         for counted, (one, place) in accepted:
             self._add(one, counted * self._scales["time"], place)
@@ -351,8 +354,9 @@ def _patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
     """Return regular expressions of the lines of a sample."""
     between = rf"\s*{re.escape(columns.separator)}\s*" if columns.separator != " " else r"\s+"
     number = NUMBER.replace(r"\.", ",") if columns.decimal_comma else NUMBER
-    other = r"\S+" if columns.separator == " " else r"[^,;\t]*?"
-    # Lines with words have no empty cells.
+    other = r"\S+" if columns.separator == " " else r"[^;\t]*?" if columns.decimal_comma else r"[^,;\t]*?"
+    # Lines with words have no empty cells, and dashes between them.
+    dash = NO_VALUE if columns.texts else "--?"
     none = "" if columns.texts or columns.separator == " " else "?"
     cells = []
     for column in columns.columns:
@@ -363,7 +367,7 @@ def _patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
         elif column.quantity in ("time", "fraction"):
             cells.append(f"({number})")
         else:
-            cells.append(f"((?:{number}|{NO_VALUE}){none})")
+            cells.append(f"((?:{number}|{NO_VALUE}|{dash}){none})")
     if not columns.texts:
         end = r"\s*" if columns.separator == " " else rf"\s*(?:{re.escape(columns.separator)}\s*)?"
         return [re.compile(rf"{re.escape(columns.prefix)}\s*{between.join(cells)}{end}")]
@@ -384,9 +388,9 @@ _Line = tuple[tuple[str, ...], int]  # cells, and where the line ends
 class _TimeCheck:
     """Accepts times that go on evenly, and jumps that the next line confirms."""
 
-    def __init__(self, modulus: int | None) -> None:
-        self._modulus = modulus
-        self._turns = 0
+    def __init__(self, modulus: float) -> None:
+        self.modulus = modulus
+        self._begun = 0.0  # where the turn of the counter began
         self._last: float | None = None
         self._before: float | None = None
         self._waiting: list[tuple[float, _Line]] = []  # lines whose times jump
@@ -396,9 +400,9 @@ class _TimeCheck:
     def accept(self, value: float, line: _Line) -> tuple[list[tuple[float, _Line]], int]:
         """Return the lines accepted now, with their times as counted on, and how many are refused."""
         last = self._last
-        value += self._turns * (self._modulus or 0)
-        if self._modulus and last is not None and last - value > self._modulus / 2:
-            value += self._modulus
+        value += self._begun
+        if last is not None and last - value > self.modulus / 2:
+            value += self.modulus
         waiting = self._waiting
         accepted: list[tuple[float, _Line]] = []
         if last is None or self._near(value - last):
@@ -418,8 +422,8 @@ class _TimeCheck:
         refused = len(waiting) - len(accepted)
         self._waiting = []
         self._before, self._last = last, value
-        if self._modulus:
-            self._turns = int(value // self._modulus)
+        if self.modulus < math.inf:
+            self._begun = value // self.modulus * self.modulus
         return [*accepted, (value, line)], refused
 
     def refuse(self) -> int:

@@ -173,9 +173,6 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     latitude, longitude = (column_of(sheet, name) for name in ("latitude", "longitude"))
     assert latitude is not None and longitude is not None
     latitude, longitude = _on_the_earth(sheet, *_in_degrees(latitude, longitude))
-    remarks = [
-        f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source})."
-    ]
     height, words = heights_of(sheet, latitude, needed=with_height)
     known = np.isfinite(latitude.values) & np.isfinite(longitude.values)
     known &= np.isfinite(height.values) | (height.name == "")
@@ -183,7 +180,12 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     changed, held = _changes(rows, latitude.values, longitude.values)
     rows, time = rows[changed], time[changed]
     position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
-    remarks += [
+    if latitude.source == longitude.source == "assumed" and _are_radians(sheet, rows, time, position):
+        position[:, :2] /= DEGREE
+        source = "guessed: in °, the positions move 57 times as slowly as the velocity says"
+        latitude, longitude = (one._replace(unit="rad", source=source) for one in (latitude, longitude))
+    remarks = [
+        f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source}).",
         words,
         clock.report("GPS"), *sorted_, *held,
     ]  # fmt: skip
@@ -403,21 +405,34 @@ def _component_units(
     ]
 
 
-def _speed_unit(speed: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:
-    """Return the speed in the unit that the positions show, if its heading names none."""
-    if speed.source != "assumed" or len(rows) < _MIN_LEGS:
-        return speed
+def _path_ratio(stated: FloatArray, time: FloatArray, position: FloatArray) -> float:
+    """Return how much as fast as stated [m/s] the positions move; NaN if they move too little."""
     per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
     dt = np.diff(time)
     north = np.diff(position[:, 0]) * per_latitude[1:]
     east = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:]
-    moved = np.hypot(north, east)
-    stated = speed.values[rows]
-    stated = (stated[1:] + stated[:-1]) / 2
+    moved, stated = np.hypot(north, east), (stated[1:] + stated[:-1]) / 2
     fast = (moved > _FAST_ENOUGH * dt) & (dt > 0) & (stated > 0)
-    if fast.sum() < _MIN_LEGS:
+    return float(np.sum(moved[fast]) / np.sum(stated[fast] * dt[fast])) if fast.sum() >= _MIN_LEGS else np.nan
+
+
+def _are_radians(sheet: Sheet, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> bool:
+    """Return whether coordinates that were read in degrees move as the velocity says if they are radians."""
+    north, east, speed = (column_of(sheet, name) for name in ("north", "east", "speed"))
+    stated = speed and speed.values if north is None or east is None else np.hypot(north.values, east.values)
+    place = position / (DEGREE, DEGREE, 1.0)
+    if stated is None or len(rows) < _MIN_LEGS or (np.abs(place[:, :2]) > (np.pi / 2, np.pi)).any():
+        return False
+    return bool(abs(np.log(_path_ratio(stated[rows], time, place))) < _UNIT_TOLERANCE)
+
+
+def _speed_unit(speed: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:
+    """Return the speed in the unit that the positions show, if its heading names none."""
+    if speed.source != "assumed" or len(rows) < _MIN_LEGS:
         return speed
-    ratio = float(np.sum(moved[fast]) / np.sum(stated[fast] * dt[fast]))
+    ratio = _path_ratio(speed.values[rows], time, position)
+    if np.isnan(ratio):
+        return speed
     unit = min(_SPEEDS, key=lambda one: abs(np.log(ratio / UNITS["speed"][one])))
     if unit == "m/s" or abs(np.log(ratio / UNITS["speed"][unit])) > _UNIT_TOLERANCE:
         return speed
