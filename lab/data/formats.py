@@ -344,7 +344,7 @@ _FRAMES = (
     ("an IMU of MicroStrain", (b"ue\x80", b"ue\x82", b"ue\x91"), _TO_LOG),
     ("an IMU of VectorNav", (b"\xfa\x01", b"\xfa\x03", b"\xfa\x05", b"\xfa\x15", b"\xfa\x1d"), _TO_LOG),
     ("a NovAtel receiver", (b"\xaaD\x12", b"\xaaD\x13"), _TO_LOG),
-    ("a Septentrio receiver", (b"$@",), _TO_CONVERT),
+    ("a Septentrio receiver", (b"$@",), _TO_LOG),
     ("a SiRF receiver", (b"\xb0\xb3\xa0\xa2",), _TO_CONVERT),
     ("a SkyTraq receiver", (b"\r\n\xa0\xa1",), _TO_CONVERT),
 )

@@ -107,7 +107,7 @@ def recognises_nmea(head: bytes) -> bool:
         return False
     if head.count(b"\0") * _BINARY_PART < len(head):
         return bool(_SENTENCE.search(head))
-    return _holds(head, _SENTENCE, Nmea())
+    return _holds(head, _SENTENCE, Nmea)
 
 
 def recognises_ubx(head: bytes) -> bool:
@@ -116,14 +116,16 @@ def recognises_ubx(head: bytes) -> bool:
     A log of an autopilot with its receiver's messages in it is not recognised.
     """
     is_log = head.startswith((DATAFLASH, ULOG))
-    return not is_log and _holds(head, _MESSAGE, Ubx()) and not recognises_nmea(head)
+    return not is_log and _holds(head, _MESSAGE, Ubx) and not recognises_nmea(head)
 
 
-def _holds(head: bytes, begin: re.Pattern[bytes], framing: Framing) -> bool:
+def _holds(head: bytes, begin: re.Pattern[bytes], made: Callable[[], Framing]) -> bool:
     """Return whether a sound frame begins where a pattern does."""
-    data = bytearray(head)
-    for found in itertools.islice(begin.finditer(head), _TRIED):
-        at = found.start()
+    starts = [found.start() for found in itertools.islice(begin.finditer(head), _TRIED)]
+    if not starts:
+        return False
+    data, framing = bytearray(head), made()
+    for at in starts:
         size = framing.size(data, at)
         if 0 < size <= len(head) - at and framing.passes(head[at : at + size]):
             return True
@@ -191,7 +193,7 @@ def recognises(name: str, head: bytes) -> bool:
     if head.startswith((DATAFLASH, ULOG)):
         return False
     receiver = _RECEIVERS[name]
-    return _holds(head, receiver.begin, receiver.framing()) and not recognises_nmea(head)
+    return _holds(head, receiver.begin, receiver.framing) and not recognises_nmea(head)
 
 
 def read(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

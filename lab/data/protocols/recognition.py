@@ -33,7 +33,7 @@ _TURN_ON = {
     "mip": ("position and velocity of GNSS", "scaled gyro and accelerometer"),
     "mavlink": ("GPS_RAW_INT", "HIGHRES_IMU or RAW_IMU"),
     "novatel": ("BESTPOS and BESTVEL", "RAWIMUX"),
-    "septentrio": ("PVTGeodetic", ""),
+    "septentrio": ("PVTGeodetic", "ExtSensorMeas"),
 }
 """What a device is to send for its position, and for its IMU, by protocol."""
 _MOSTLY = 0.5

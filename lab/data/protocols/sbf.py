@@ -1,12 +1,15 @@
-"""Septentrio SBF: positions and velocities of a receiver, in geodetic or Cartesian form.
+"""Septentrio SBF: positions and velocities of a receiver, in geodetic or Cartesian form, and its IMU.
 
 PVTGeodetic makes a fix; PVTCartesian makes one until a PVTGeodetic is seen. HAccuracy is twice the rms of the
 horizontal distance and VAccuracy twice σ of the height, in cm. The time is that of GPS, counted from 1980.
-Other blocks, among them those of an IMU and of attitudes, are not read.
+ExtSensorMeas makes a sample of the IMU, of the accelerations [m/s²], rates [°/s] and temperature in its sets.
+Other blocks, among them those of attitudes, are not read. ExtSensorMeas is built from its published layout;
+no capture of it with known values was at hand.
 
 References
 ----------
 Septentrio, *mosaic-X5 Reference Guide*: SBF outline, PVTGeodetic (4007), PVTCartesian (4006).
+Septentrio, *AsteRx-i3 Reference Guide*: ExtSensorMeas (4050).
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.parameters.units import WEEK
+from lab.base.parameters.units import DEGREE, WEEK
 from lab.data.protocols.framing import MORE, NONE, Framing, crc16_xmodem
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import (
@@ -28,6 +31,7 @@ from lab.data.protocols.samples import (
     FIX_RTK_FLOAT,
     NAN,
     NO_FIX,
+    UNKNOWN,
     Vector,
 )
 from lab.data.protocols.sending import merged, sent_fix
@@ -35,9 +39,14 @@ from lab.motion.frames import ecef
 
 SYNC = b"$@"
 _HEAD, _STEP = 8, 4  # bytes of a header, and of which the length of a block is a multiple
-_GEODETIC, _CARTESIAN = 4007, 4006  # numbers of blocks
+_GEODETIC, _CARTESIAN, _SENSORS = 4007, 4006, 4050  # numbers of blocks
 _NUMBER = 0x1FFF  # bits of a number; the others are the revision
 _PVT = struct.Struct("<IH2B3d5fdf4B2HI")
+_SETS = struct.Struct("<IH2B")
+_SET = struct.Struct("<2x2B3d")
+_TEMPERATURE = struct.Struct("<4xf")
+_FORCE, _RATE, _INFO = 0, 1, 3
+"""Types of a set of measurements: acceleration, angular rate, temperature of the sensor."""
 _QUALITY = struct.Struct("<2BH3HB")
 _UNKNOWN = -2e10
 """What stands for a number that is not known, exact in four bytes, too."""
@@ -79,8 +88,10 @@ class Sbf(Framing):
         return crc16_xmodem(frame[_STEP:]) == frame[2] | frame[3] << 8
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
-        """Add the fix of a block; return whether it is one that is read."""
+        """Add the fix or the sample of a block; return whether it is one that is read."""
         number = (frame[4] | frame[5] << 8) & _NUMBER
+        if number == _SENSORS and len(frame) >= _HEAD + _SETS.size:
+            return _read_sensors(frame, end, rows)
         if number not in {_GEODETIC, _CARTESIAN} or len(frame) < _HEAD + _PVT.size:
             return False
         self._is_geodetic |= number == _GEODETIC
@@ -95,7 +106,7 @@ class Sbf(Framing):
             axes = ecef.axes(np.array([latitude]), np.array([longitude]))[0]
             velocity_n = (np.array(velocity) @ axes).tolist()
         kind = _KINDS.get(mode & _MODE, NO_FIX) if error == 0 else NO_FIX
-        week_time = stamp * _MILLISECOND if stamp != _NO_TIME else NAN
+        time, week_time = _times(stamp, week)
         satellites = numbers[12]
         horizontal = vertical = NAN
         if len(frame) >= _HEAD + _PVT.size + _QUALITY.size:
@@ -103,7 +114,7 @@ class Sbf(Framing):
             horizontal, vertical = _accuracy(h_accuracy) / math.sqrt(2), _accuracy(v_accuracy)
         rows.add_fix(
             end,
-            week * WEEK + week_time if week != _NO_WEEK else NAN,
+            time,
             week_time,
             NAN,
             latitude,
@@ -117,6 +128,33 @@ class Sbf(Framing):
             FIX_2D if kind != NO_FIX and mode & _IS_2D else kind,
         )
         return True
+
+
+def _times(stamp: int, week: int) -> tuple[float, float]:
+    """Return the time since 1980 and that of the week [s]; NaN if it is not known."""
+    week_time = stamp * _MILLISECOND if stamp != _NO_TIME else NAN
+    return week * WEEK + week_time if week != _NO_WEEK else NAN, week_time
+
+
+def _read_sensors(frame: bytes, end: int, rows: Rows) -> bool:
+    """Add the sample of an ExtSensorMeas; return whether it has measurements of an IMU."""
+    stamp, week, count, size = _SETS.unpack_from(frame, _HEAD)
+    found: dict[int, Vector] = {}
+    temperature = NAN
+    for at in range(_HEAD + _SETS.size, _HEAD + _SETS.size + count * size, size or 1):
+        if size < _SET.size or at + size > len(frame):
+            break
+        kind, _, *values = _SET.unpack_from(frame, at)
+        if kind == _INFO:
+            temperature = _known(_TEMPERATURE.unpack_from(frame, at)[0])
+        found[kind] = [_known(one) for one in values]
+    rate = [one * DEGREE for one in found.get(_RATE, UNKNOWN)]
+    if not {_RATE, _FORCE} & set(found):
+        return False
+    rows.add_imu(
+        end, _times(stamp, week)[0], rate=rate, force=found.get(_FORCE, UNKNOWN), temperature=temperature
+    )
+    return True
 
 
 def _known(value: float) -> float:

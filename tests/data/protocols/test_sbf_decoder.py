@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pymap3d
 import pytest
 from live_streams import decoded, fixes, motion
+from sensor_logs import tables
 from writers import sbf as writer
 
 from lab.data.formats import read_raw
@@ -14,6 +17,7 @@ from lab.data.protocols.framing import crc16_xmodem
 from lab.data.protocols.recognition import recognise
 from lab.data.protocols.sbf import SbfEncoder
 from lab.missions import MissionError, mission
+from lab.missions.flight_import import any_log
 from lab.motion.truth.trajectory import Trajectory
 
 # PVTCartesian with its values as semuconsulting/pysbf2 states them (tests/test_parse.py).
@@ -125,3 +129,58 @@ def test_the_attitude_of_a_receiver_is_named_as_not_read(tmp_path):
     np.testing.assert_allclose(np.degrees(flight.latitude), 31.51668826 + 1.2e-4 * np.arange(20), atol=1e-10)
     np.testing.assert_allclose(flight.velocity_n[:, 0], 13.1095)
     assert "The attitude of INSPVA is not read." in flight.remarks
+
+
+def sensors(stamp, week, *sets):
+    """Return an ExtSensorMeas: type and three numbers of each set, in m/s² and °/s."""
+    body = b"".join(struct.pack("<4B3d", 1, 4, kind, 0, *values) for kind, values in sets)
+    body = struct.pack("<IH2B", stamp, week, len(sets), 28) + body
+    return checked(struct.pack("<2H", 4050, 8 + len(body)) + body)
+
+
+def test_the_measurements_of_its_sensor_are_samples():
+    force, rate = (0.25, -0.5, -9.75), (90.0, -45.0, 18.0)
+    info = struct.unpack("<3d", struct.pack("<f20x", 31.5))
+    whole = sensors(208_903_010, 2367, (0, force), (1, rate), (3, info), (4, (1.0, 2.0, 3.0)))
+    unknown = sensors(2**32 - 1, 2367, (1, (-2e10, 1.0, 1.0)))
+    alone = sensors(208_903_020, 2**16 - 1, (0, force))
+    other = sensors(208_903_030, 2367, (4, (1.0, 2.0, 3.0)))
+    decoder = decoder_of("septentrio")
+    found = decoded(decoder, whole + unknown + alone + other).imu
+    assert len(found) == 2 and decoder.statistics.refused == 1  # a rate of which a part is not known
+    assert found["time"][0] == pytest.approx(2367 * 604_800 + 208_903.01)
+    np.testing.assert_array_equal(found["force"][0], force)
+    np.testing.assert_allclose(found["rate"][0], np.radians(rate), rtol=1e-15)
+    assert found["temperature"][0] == 31.5
+    assert np.isnan(found["time"][1]) and np.isnan(found["rate"][1]).all()
+    np.testing.assert_array_equal(found["force"][1], force)
+
+
+def test_sets_that_end_beyond_their_block_are_left_out():
+    for count, size in ((255, 28), (1, 255), (1, 3), (1, 0)):
+        body = struct.pack("<IH2B", 1000, 2367, count, size) + struct.pack("<4B3d", 1, 4, 0, 0, 1, 2, 3)
+        block = checked(struct.pack("<2H", 4050, 8 + len(body)) + body)
+        assert len(decoded(decoder_of("septentrio"), block).imu) == (count == 255)
+
+
+def test_a_file_with_a_sensor_is_a_log(tmp_path):
+    source = tables(30, 90)
+    start = 2367 * 604_800 + 1000.0
+    sent = fixes(len(source.gnss))
+    sent["time"] = start + source.gnss[:, 0] - source.imu[0, 0]
+    sent["latitude"], sent["longitude"] = np.radians(source.gnss[:, 1:3]).T
+    sent["height"], sent["velocity_n"] = source.gnss[:, 3], source.gnss[:, 4:7]
+    blocks = [(row["time"], SbfEncoder().encode(motion(0), row[None])) for row in sent]
+    for t, *values in source.imu:
+        stamp = round(1000 * (1000.0 + t - source.imu[0, 0]))
+        rates = [float(one) for one in np.degrees(values[:3])]
+        blocks.append((start + t - source.imu[0, 0], sensors(stamp, 2367, (0, values[3:]), (1, rates))))
+    (tmp_path / "drive.sbf").write_bytes(
+        b"".join(block for _, block in sorted(blocks, key=lambda one: one[0]))
+    )
+    log = any_log([tmp_path / "drive.sbf"])
+    rates, forces = log.rates
+    at = np.searchsorted(source.imu[:, 0] - source.imu[0, 0], log.time[1:] - log.time[0] - 1e-6)
+    np.testing.assert_allclose(forces, source.imu[at, 4:], atol=1e-6)
+    np.testing.assert_allclose(rates, source.imu[at, 1:4], atol=1e-9)
+    assert len(log.gnss.time) > 100
