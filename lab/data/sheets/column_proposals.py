@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -124,18 +125,19 @@ def _units_in(sheets: Sequence[Sheet]) -> tuple[dict[str, tuple[str, str]], dict
                 "guessed by its size and steps" if clock.guessed else "as written",
             )
     question: dict[str, str] = {}
-    readers: tuple[Callable[[], Sequence[ColumnUnit]], ...] = (
-        lambda: fixes_of(sheets, with_height=False).units,
-        lambda: units_of_imu(sheets),
-    )
-    for reader in readers:
-        try:
-            found |= {one.column: (one.unit, one.source) for one in reader()}
-        except QuestionError as error:
-            words = " or ".join(error.choices)
-            question |= {heading: words for choice in error.choices.values() for heading in choice}
-        except MissionError:
-            pass
+    gnss = None
+    used: Sequence[ColumnUnit] = ()
+    with contextlib.suppress(MissionError):
+        fixes = fixes_of(sheets, with_height=False)
+        gnss, used = fixes.gnss, fixes.units
+    try:
+        used = (*used, *units_of_imu(sheets, gnss))
+    except QuestionError as error:
+        words = " or ".join(error.choices)
+        question = {heading: words for choice in error.choices.values() for heading in choice}
+    except MissionError:
+        pass
+    found |= {one.column: (one.unit, one.source) for one in used}
     return found, question
 
 

@@ -8,6 +8,7 @@ files in it.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -146,10 +147,10 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     fixes = fixes_of(sheets, with_height=False)
     gnss = fixes.gnss
     attitude = attitude_of(sheets, gnss.time, gnss.position, gnss.velocity_n)
-    try:
-        of_imu = units_of_imu(sheets)
-    except MissionError:
-        of_imu = []
+    of_imu: list[ColumnUnit] = []
+    if any(one.all_of("rate") for one in sheets):
+        with contextlib.suppress(MissionError):
+            of_imu = units_of_imu(sheets, gnss)
     columns = {one.column: one for one in (*fixes.units, *of_imu) if one.column}
     columns |= {one.column: one for one in (attitude.units if attitude else ())}
     resets, counters = resets_of(fixes)
@@ -391,8 +392,15 @@ def _wanted(names: Sequence[str]) -> list[str]:
     return tables[:MAX_MEMBERS]
 
 
-def units_of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
+def units_of_imu(sheets: Sequence[Sheet], gnss: GnssLog | None) -> list[ColumnUnit]:
     """Return the columns of the IMU with their units, so that a person can correct them.
+
+    Parameters
+    ----------
+    sheets
+        The tables.
+    gnss
+        The fixes in them, if there are any.
 
     Raises
     ------
@@ -402,10 +410,6 @@ def units_of_imu(sheets: Sequence[Sheet]) -> list[ColumnUnit]:
         If the data do not decide the unit.
     """
     imu = imu_of(sheets)
-    try:
-        gnss = fixes_of(sheets).gnss
-    except MissionError:
-        gnss = None
     refuse_cm_per_s2(imu, gnss)
     return [
         ColumnUnit(heading.text, triad.unit, triad.source)

@@ -68,6 +68,8 @@ def against_gravity(sheets: Sequence[Sheet], metadata: dict[str, str]) -> list[S
         for one in sheets
         if one.name.removesuffix(".csv") in _TABLES and any(text.text == _ELAPSED for text in one.headings)
     }
+    if not ours:
+        return list(sheets)
     why = _why_along(ours, metadata)
     known = bool(why or metadata)
     return [

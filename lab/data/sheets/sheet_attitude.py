@@ -152,8 +152,9 @@ def attitude_of(
         Velocity north, east, down [m/s]; NaN where unknown.
     """
     refused = None
-    motion = _motion(time, position, velocity)
+    motion = None
     for columns in _candidates(sheets):
+        motion = motion or _motion(time, position, velocity)
         some = columns.thinned()
         read = list(_readings(some))
         scores = [_agreement(_known(some, one, ""), motion) for one in read]

@@ -167,6 +167,8 @@ def one_recording(sheets: Sequence[Sheet]) -> list[Sheet]:
 
     Sheets with as many recordings were started together, and have the same one.
     """
+    if not any(sheet.restarts for sheet in sheets):
+        return list(sheets)
     starts = [_starts(sheet) for sheet in sheets]
     chosen: dict[int, int] = {}
     order = sorted(range(len(sheets)), key=lambda i: not sheets[i].all_of("rate"))

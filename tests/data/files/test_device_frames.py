@@ -17,7 +17,7 @@ from lab.missions import MissionError
         (b"ue\x80\x2a", "an IMU of MicroStrain", "ins-lab import FILE --as log"),
         (b"\xfa\x01\x29\x01", "an IMU of VectorNav", "ins-lab import FILE --as log"),
         (b"\xaaD\x12\x1c", "a NovAtel receiver", "ins-lab import FILE --as log"),
-        (b"$@\x12\x34", "a Septentrio receiver", "--as log"),
+        (b"$@\x12\x34", "a Septentrio receiver", "ins-lab import FILE --as log"),
         (b"\xb0\xb3\xa0\xa2\x00\x5b", "a SiRF receiver", "Convert them"),
         (b"\r\n\xa0\xa1\x00\x3b", "a SkyTraq receiver", "Convert them"),
     ],
