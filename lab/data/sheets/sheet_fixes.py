@@ -418,12 +418,12 @@ def _path_ratio(stated: FloatArray, time: FloatArray, position: FloatArray) -> f
 
 def _are_radians(sheet: Sheet, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> bool:
     """Return whether coordinates that were read in degrees move as the velocity says if they are radians."""
+    if len(rows) < _MIN_LEGS or (np.abs(position[:, :2]) > (np.pi / 2 * DEGREE, np.pi * DEGREE)).any():
+        return False
     north, east, speed = (column_of(sheet, name) for name in ("north", "east", "speed"))
     stated = speed and speed.values if north is None or east is None else np.hypot(north.values, east.values)
     place = position / (DEGREE, DEGREE, 1.0)
-    if stated is None or len(rows) < _MIN_LEGS or (np.abs(place[:, :2]) > (np.pi / 2, np.pi)).any():
-        return False
-    return bool(abs(np.log(_path_ratio(stated[rows], time, place))) < _UNIT_TOLERANCE)
+    return stated is not None and bool(abs(np.log(_path_ratio(stated[rows], time, place))) < _UNIT_TOLERANCE)
 
 
 def _speed_unit(speed: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:
