@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from lab import Experiment
@@ -129,7 +130,15 @@ def fields(
     return time, there.inv().apply([18.0, -3.0, 50.0]) @ K.T + hard + rng.normal(scale=0.4, size=(1500, 3))
 
 
-def road(folder: Path, seconds: float = 400.0, *, straight: bool = False, slip: float = 0.0) -> Path:
+def road(
+    folder: Path,
+    seconds: float = 400.0,
+    *,
+    straight: bool = False,
+    slip: float = 0.0,
+    sway: float = 0.0,
+    seed: int = 0,
+) -> Path:
     """Return a drive of a car at 7 to 17 m/s on a winding road, along its nose; or at one speed straight on.
 
     Parameters
@@ -142,13 +151,16 @@ def road(folder: Path, seconds: float = 400.0, *, straight: bool = False, slip: 
         Whether the road is straight, and the speed always the same.
     slip
         Speed to the right in turns, for each of their rate [m]: as of a boat.
+    sway, seed
+        σ of a speed to the right by chance, alike within a second [m/s], and where its numbers begin.
     """
     t = np.arange(0.0, seconds + 0.05, 0.1)
     course = 0.9 * np.sin(2 * np.pi * t / 70) + 0.5 * np.sin(2 * np.pi * t / 23) + 2 * np.pi * t / 300
     speed = 12 + 5 * np.sin(2 * np.pi * t / 41)
     if straight:
         course, speed = np.zeros(t.size), np.full(t.size, 12.0)
-    heading = course - slip * np.gradient(course, t) / speed
+    chance = gaussian_filter1d(np.random.default_rng(seed).normal(size=t.size), 6)
+    heading = course - (slip * np.gradient(course, t) + sway * chance / chance.std()) / speed
     north, east = speed * np.cos(course), speed * np.sin(course)
     place = [np.concatenate(([0.0], np.cumsum((v[1:] + v[:-1]) / 2 * 0.1))) for v in (north, east)]
     latitude = 45.5 + np.degrees(place[0] / 6.371e6)
@@ -163,7 +175,7 @@ def road(folder: Path, seconds: float = 400.0, *, straight: bool = False, slip: 
 
 def drive(folder: Path, seed: int, pitch: float, yaw: float, **of_road: float | bool) -> Experiment:
     """Return an experiment on the log of a drive whose IMU is mounted askew by pitch and yaw [°]."""
-    made = Experiment(mission=str(road(folder, **of_road)), seed=seed)  # type: ignore[arg-type]
+    made = Experiment(mission=str(road(folder, **of_road, seed=99 + seed)), seed=seed)  # type: ignore[arg-type]
     made.set("trajectory.imu_rate", 50.0)
     made.set("sensors.gps.position_variance", 0.25)
     made.set("sensors.gps.velocity_variance", 0.0025)

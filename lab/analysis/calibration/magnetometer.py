@@ -56,6 +56,8 @@ class FieldLimits:
     """Largest scatter about the surface, in the size of the field: with more, it is no surface."""
     within: float = 0.5
     """Part of an axis of the device in the plane, squared, from which the plane shows iron along it."""
+    rounds: int = 50
+    """Most rounds of a fit: an ellipsoid takes some ten, and fields that lie on none would never end."""
     folds: int = 12
     """Parts of the log that are withheld in turn."""
     no_worse: float = 1.0
@@ -121,7 +123,7 @@ class _Model(NamedTuple):
         start = np.concatenate((middle + found[:-1], np.zeros(len(_traceless(self.d)) * self.shaped), [size]))
         scale = np.concatenate((np.full(self.d, size), np.ones(start.size - self.d - 1), [size]))
         solved = least_squares(
-            self.residual, start, self.jacobian, x_scale=scale, args=(fields,), method="trf"
+            self.residual, start, self.jacobian, x_scale=scale, args=(fields,), max_nfev=LIMITS.rounds
         )
         return np.asarray(solved.x)
 
@@ -209,7 +211,7 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
     if time.size < LIMITS.fewest or np.ptp(time) < LIMITS.shortest:
         length = float(np.ptp(time)) if time.size else 0.0
         raise MissionError(
-            f"the magnetometer has {counted(time.size, 'field')} in {length:.0f} s; accepted are at least "
+            f"the magnetometer has {counted(time.size, 'field')} in {length:.3g} s; accepted are at least "
             f"{LIMITS.fewest} in {LIMITS.shortest:g} s or more, while the device turns in all directions"
         )
     stride = -(-time.size // LIMITS.most)

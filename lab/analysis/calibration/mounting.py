@@ -3,8 +3,8 @@
 A vehicle on wheels goes where it points: the speeds to its right and down are zero. An IMU that is mounted
 askew by 0.2° sees 5 cm/s of them at 15 m/s, which the filter takes for an error of its own heading. The
 angles are those that make the innovations of fixes and of these conditions most likely: by Fisher scoring,
-with derivatives that are differences of whole runs of the filter. σ counts that the scores of neighbouring
-seconds say the same. The place of the vehicle that does not slip is estimated beside them. The roll does not
+with derivatives that are differences of whole runs of the filter. σ comes from the scatter of the scores, not
+from the slip that the filter assumes, and counts that those of neighbouring seconds say the same. The place of the vehicle that does not slip is estimated beside them. The roll does not
 show, since both speeds are zero.
 
 Each half of the drive gives angles, and the other half judges them: its innovations must be smaller than
@@ -14,7 +14,8 @@ conditions.
 References
 ----------
 E.-H. Shin, *Estimation techniques for low-cost inertial navigation*, UCGE 20219, Calgary 2005, ch. 4.4
-(boresight). W. K. Newey, K. D. West, Econometrica 55, 1987 (σ with correlated scores).
+(boresight). W. K. Newey, K. D. West, Econometrica 55, 1987 (σ with correlated scores). D. W. K. Andrews,
+Econometrica 59, 1991, eq. 6.2 and 6.4 (how many lags).
 """
 
 from __future__ import annotations
@@ -64,8 +65,12 @@ class MountingLimits:
     """Most rounds of scoring: from 3° off, the third changes a tenth of σ."""
     settled: float = 0.1
     """Change in σ that ends the rounds."""
-    memory: int = 60
+    memory: int = 30
     """Lag up to which scores may be correlated [s]: a bend of a road lasts as long."""
+    most_alike: float = 0.97
+    """Largest correlation of scores of neighbouring seconds: with more, the drive shows one number."""
+    least: float = 1e-9
+    """Least variance of the scores, in what the information says: of a direction that shows nothing."""
     step: float = math.radians(0.1)
     """Step of the angles for derivatives [rad]."""
     arm_step: float = 0.1
@@ -315,21 +320,42 @@ def _scored(
 
 
 def _spread(time: FloatArray, scores: FloatArray, information: FloatArray) -> FloatArray:
-    """Return the covariance (3, 3) of the sum of correlated scores; at least the information."""
+    """Return the covariance (3, 3) of the sum of correlated scores, which slip less or more than assumed.
+
+    Along each direction, it is the larger of two: with the lags of a process of first order, which few
+    seconds show, and with those of a bend.
+    """
     second = np.floor(time - time.min()).astype(np.int64)
     sums = np.zeros((int(second.max()) + 1, scores.shape[1]))
     np.add.at(sums, second, scores)
-    sums -= sums.mean(axis=0)
-    lags = min(LIMITS.memory, len(sums) - 1)
+    L = np.linalg.cholesky(information)
+    sums = np.linalg.solve(L, (sums - sums.mean(axis=0)).T).T
+    own, bend = _of_lags(sums, _lags(sums)), _of_lags(sums, LIMITS.memory)
+    root = np.linalg.cholesky(own + LIMITS.least * np.eye(len(own)))
+    L, inverse = L @ root, np.linalg.inv(root)
+    sizes, axes = np.linalg.eigh(inverse @ bend @ inverse.T)
+    return np.asarray(L @ (axes * np.maximum(sizes, 1.0)) @ axes.T @ L.T)
+
+
+def _lags(sums: FloatArray) -> int:
+    """Return the lags that Andrews takes for scores (n, k) that follow processes of first order."""
+    before, after = sums[:-1], sums[1:]
+    rho = (before * after).sum(axis=0) / np.maximum((before**2).sum(axis=0), LIMITS.least)
+    rho = np.minimum(np.abs(rho), LIMITS.most_alike)
+    power = ((sums**2).mean(axis=0) * (1 - rho**2)) ** 2 + LIMITS.least
+    slope = np.sum(4 * rho**2 * power / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.sum(power / (1 - rho) ** 4)
+    return math.ceil(1.1447 * float(slope * len(sums)) ** (1 / 3))
+
+
+def _of_lags(sums: FloatArray, lags: int) -> FloatArray:
+    """Return the covariance (k, k) of the sum of scores (n, k) about their mean, by Newey and West."""
+    lags = min(lags, len(sums) // 2)
     total = sums.T @ sums
     for lag in range(1, lags + 1):
         part = sums[lag:].T @ sums[:-lag]
         total += (1 - lag / (lags + 1)) * (part + part.T)
-    # Along each direction the larger of both: few seconds may agree by chance.
-    L = np.linalg.cholesky(information)
-    inverse = np.linalg.inv(L)
-    sizes, axes = np.linalg.eigh(inverse @ total @ inverse.T)
-    return np.asarray(L @ (axes * np.maximum(sizes, 1.0)) @ axes.T @ L.T)
+    share = (lags + 1) / len(sums)  # the mean that was taken off is that of the scores themselves
+    return np.asarray(total / (1 - share + share**2 / 3))
 
 
 def _judged(drive: _Drive, mountings: Sequence[FloatArray], half: float) -> Judgement:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from time import process_time
+
 import numpy as np
 import pytest
 
-from lab.analysis.calibration.magnetometer import ELLIPSOID, PLANE, calibrate
+from lab.analysis.calibration.magnetometer import ELLIPSOID, PLANE, SPHERE, calibrate
 from lab.base.files.mission_error import MissionError
 from tests.calibration_logs import fields
 
@@ -91,3 +93,13 @@ def test_too_little_is_refused_in_words() -> None:
         calibrate(time, np.full((1500, 3), np.nan), "nothing")
     with pytest.raises(MissionError, match="0 fields"):
         calibrate(time, np.zeros((1500, 3)), "nothing")
+
+
+def test_an_ellipsoid_that_grows_without_end_is_given_up() -> None:
+    """On a paraboloid; a recording of a hall, carried past iron, was like this."""
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform(-20.0, 20.0, (2, 3000))
+    measured = np.column_stack((x, y, (x**2 + y**2) / 20 - 15 + rng.normal(size=3000)))
+    before = process_time()
+    assert calibrate(np.arange(3000) / 50, measured, "hall").model == SPHERE
+    assert process_time() - before < 10
