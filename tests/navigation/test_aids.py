@@ -23,7 +23,7 @@ from lab.navigation.filters.blocks import BLOCKS, count, first_state, in_order, 
 from lab.navigation.filters.error_models import MODELS, ErrorModel
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.further_columns import with_blocks
-from lab.navigation.filters.north_slaved import north_axes
+from lab.navigation.filters.north_slaved import fix_axes, north_axes
 from lab.navigation.filters.wander_models import PSI
 from lab.navigation.frames import keep_radii
 from lab.navigation.kernels.driver import Advance, driver
@@ -70,6 +70,11 @@ def test_each_first_state_in_a_kernel_is_that_of_a_block(module: ModuleType) -> 
     for name in used - {"NO_STATE"}:
         first = first_state(every, named[name.lower()])
         assert layout_constants(every)[name] == (blocks.NO_STATE, first)
+
+
+def test_the_axes_of_a_fix_are_unit_vectors_at_right_angles() -> None:
+    axes = np.array(fix_axes(np.zeros(strapdown.SINE)))
+    np.testing.assert_array_equal(axes @ axes.T, np.eye(3))
 
 
 def test_memory_of_measurements_is_counted() -> None:
@@ -336,6 +341,17 @@ def test_compiled_and_filterpy_agree(settings: dict[str, Any], model: str, rate:
     np.testing.assert_allclose(a.aid_variance, b.aid_variance, rtol=1e-9)
     for found, expected in ((a.aid_H, b.aid_H), (a.aid_gain, b.aid_gain)):
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(expected)))
+
+
+def test_between_corrections_each_sample_has_the_estimated_error_taken_off() -> None:
+    """Also after headings between the fixes: hardly anything differs from a correction at once."""
+    settings = {"sensors.heading.fitted": True, "sensors.heading.period": 0.2}
+    late, at_once = (
+        of(settings | {"navigator.correction_period": period}).run().solution_arrays for period in (10.0, 0.0)
+    )
+    assert (late.aid_sample >= 0).sum() > 4 * (late.fix_sample >= 0).sum() > 0
+    apart = np.abs(late.velocity_n - at_once.velocity_n) / np.sqrt(at_once.variance[:, 3:6])
+    assert apart.max() < 0.5  # uncorrected, the navigator is off by more than 5 σ
 
 
 def test_a_model_with_the_same_number_of_other_states_is_another_one() -> None:
