@@ -6,6 +6,10 @@ navigation; a change of a gyro's noise does not recompute the flight, the accele
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 
@@ -32,15 +36,22 @@ from lab.navigation.belief import (
     chosen_blocks,
 )
 from lab.navigation.filters.user_states import declared_states
-from lab.navigation.model_choice import is_ready
+from lab.navigation.model_choice import is_missing, is_ready
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
-from lab.run.compiling_apart import compile_apart
 from lab.run.memory import Retiring, give_back, large_blocks_given_back
 from lab.run.run import in_one
 from lab.sensors import gps
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.readings import Readings
+from lab.sensors.suite import SensorSuite
+
+_COMMAND = (
+    "import json, sys; from lab.experiment.variants import compile_variant; "
+    "compile_variant(json.load(sys.stdin))"
+)
+"""What another process does: the compiler keeps some 200 MB of a filter and its smoother in the process that
+compiled them. The code itself is loaded from the disk, and takes a fifth of that."""
 
 
 class Stages(SensorStages):
@@ -237,3 +248,29 @@ def begin(truth: Truth, experiment: Runnable) -> Aligned:
     nothing = np.zeros(3)
     true = Start.off(truth, nothing, nothing, nothing)
     return rest_alignment.begin(start(truth, navigator, seed), true, sensors, navigator, seed)
+
+
+def compile_apart(navigator: NavigatorSettings, sensors: SensorSuite, rate: float) -> None:
+    """Compile the filter of a long flight in another process, into the cache on the disk, if it is not there.
+
+    If that fails, nothing happens: this process then compiles the filter when it needs it.
+
+    Parameters
+    ----------
+    navigator, sensors
+        The settings.
+    rate
+        Rate of the samples [Hz].
+    """
+    if not sys.executable or not is_missing(navigator, sensors, rate):
+        return
+    groups = {"navigator": navigator.to_dict(), "sensors": sensors.to_dict()}
+    subprocess.run(
+        [sys.executable, "-c", _COMMAND],
+        input=json.dumps({"trajectory.imu_rate": rate, **groups}),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        text=True,
+        check=False,
+    )

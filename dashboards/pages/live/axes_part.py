@@ -32,7 +32,7 @@ from lab.live.bench.axis_check import (
 )
 from lab.live.bench.static_interval import AxisCheckError
 from lab.motion.frames import earth
-from lab.views.axis_picture import axis_picture
+from lab.views.bench_figures import axis_picture
 
 PLACED = 5e-4
 """σ of normal gravity at a known place [m/s²]: 50 mGal of anomaly, which mountains have."""

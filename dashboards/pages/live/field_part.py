@@ -15,7 +15,7 @@ from lab.base.arrays import FloatArray
 from lab.data.streams.axis_map import AxisMap
 from lab.live.bench.field_sphere import FieldSphere, sphere_of
 from lab.live.station import Station
-from lab.views.field_figures import FieldFigures
+from lab.views.bench_figures import FieldFigures
 
 SAMPLES = 2**15
 """Last samples that are looked at: five minutes at 100 Hz."""

@@ -13,11 +13,11 @@ import pytest
 from lab import Experiment
 from lab.base.compiling.compiled_cache import CachedKernel
 from lab.experiment import variants
+from lab.experiment.stages import compile_apart
 from lab.navigation import model_choice
 from lab.navigation.filters import smoother, unscented
 from lab.navigation.kernels.driver import driver
 from lab.navigation.model_choice import chosen_model
-from lab.run.compiling_apart import compile_apart
 
 
 @pytest.fixture
