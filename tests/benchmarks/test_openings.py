@@ -1,6 +1,7 @@
-"""Openings: thirty pages opened at once, while a person in an open one goes on to move a slider.
+"""Openings: thirty pages opened at once, and two hundred one after the other.
 
-A class opens the lab when its teacher says so. The visitors draw nothing: what is measured is the server.
+A class opens the lab when its teacher says so, while a person in an open page goes on to move a slider. The
+visitors draw nothing: what is measured is the server.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import asyncio
 from itertools import cycle
 
 import numpy as np
+import psutil
 import pytest
 
 from tests.benchmarks.visitor import Visitor
@@ -21,6 +23,14 @@ ALL_OPEN = 12.0
 """Longest time until thirty pages, opened at once, show their plots [s]."""
 ANSWER = 1.0
 """Longest time until a moved slider of an open page has its new curves meanwhile [s]."""
+
+
+SESSIONS, EARLY = 200, 10
+"""Pages that are opened and closed one after the other, and after how many memory is measured first."""
+GROWTH = 1.1
+"""Most memory after the last of these pages, in that after the first ones."""
+ENDED = 40.0
+"""Time after which a closed page has ended, and its memory has gone back [s]."""
 
 
 async def burst(address: str) -> tuple[Visitor, list[Visitor], list[float]]:
@@ -56,3 +66,30 @@ def test_thirty_pages_opened_at_once() -> None:
     print(f"\n{len(moves)} moves meanwhile: median {np.median(moves):.2f} s, longest {max(moves):.2f} s")
     assert max(visitor.drawn for visitor in visitors) <= ALL_OPEN
     assert max(moves) <= ANSWER
+
+
+async def one_after_the_other(address: str, server: psutil.Process) -> list[float]:
+    """Open and close pages, each with a slider at a place of its own; return the memory twice [MB]."""
+    taken = []
+    for number in range(1, SESSIONS + 1):
+        visitor = Visitor(address)
+        await visitor.open()
+        await visitor.move(0.06 + 0.0001 * number)
+        visitor.close()
+        if number in (EARLY, SESSIONS):
+            await asyncio.sleep(ENDED)
+            taken.append(server.memory_info().rss / 1e6)
+    return taken
+
+
+def test_two_hundred_pages_one_after_the_other() -> None:
+    with serving() as (address, process):
+        server = psutil.Process(process.pid)
+        before = sum(server.cpu_times()[:2])
+        early, late = asyncio.run(one_after_the_other(address, server))
+        spent = sum(server.cpu_times()[:2]) - before
+    print(
+        f"\nmemory after {EARLY} pages {early:.0f} MB, after {SESSIONS} {late:.0f} MB ({late / early:.2f} "
+        f"times); {spent / SESSIONS:.2f} s of a processor for each page"
+    )
+    assert late <= GROWTH * early
