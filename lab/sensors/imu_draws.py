@@ -36,13 +36,14 @@ class ImuDraws(NamedTuple):
     @classmethod
     def of(
         cls,
-        seed: int,
+        seed: Seed,
         sensor: str,
         samples: int,
         *,
         instability: bool,
         flicker: bool = False,
         walk: bool = False,
+        noise: bool = True,
     ) -> ImuDraws:
         """Draw for one triad, named by `sensor`; long draws only for the errors that it has."""
 
@@ -56,7 +57,7 @@ class ImuDraws(NamedTuple):
             drive=long("instability", instability),
             flicker=processes.flicker(long("flicker", flicker)),
             walk=processes.random_walk(long("rate_random_walk", walk)),
-            noise=long("noise"),
+            noise=long("noise", noise),
         )
 
     @classmethod

@@ -15,17 +15,19 @@ import numpy as np
 import pytest
 
 from lab.experiment.ensembles import sweeping
+from lab.experiment.ensembles.lane_draws import seeds_abreast
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.variants import compile_lanes, compile_verdict
 from lab.sensors.cards import card
+from lab.sensors.draws import unit_draws
 
 pytestmark = pytest.mark.benchmark
 
 CARDS = ("BMI270", "ADIS16470", "STIM300")
 """A consumer, an industrial and a tactical card."""
-BEFORE = {"judged": 3.46, "explained": 13.5, "verdict": 1.56, "outage": 7.8, "sweep": 1.0}
+BEFORE = {"judged": 3.46, "explained": 13.5, "verdict": 1.56, "outage": 7.8, "sweep": 1.0, "draws": 1.0}
 """The ratios at commit 4057f047."""
 
 
@@ -52,6 +54,20 @@ def spent(work: Callable[[], object]) -> float:
 def montreal(seed: int, **settings: object) -> Experiment:
     """Return the classic experiment with a seed."""
     return Experiment(mission="montreal", seed=seed).update(settings)
+
+
+def test_draws_abreast_beside_those_of_numpy() -> None:
+    """The white noise of a triad for a flight of 200 s: of eight runs together, and of each alone."""
+    shape, both = (40_000, 3), list[tuple[float, float]]()
+    for first in range(0, 88, 8):
+        seeds = range(first, first + 8)
+        own = seeds_abreast(seeds)
+        abreast = spent(lambda own=own: [unit_draws(seed, "gyro.noise", shape) for seed in own])
+        alone = spent(lambda seeds=seeds: [unit_draws(seed, "gyro.noise", shape) for seed in seeds])
+        both.append((abreast, alone))
+    ours, numpys = (list(times) for times in zip(*both[1:], strict=True))
+    row("normal draws of eight runs abreast in the time of NumPy's", _ratio(numpys, ours), BEFORE["draws"])
+    assert _ratio(numpys, ours) > 1.5
 
 
 def test_a_judged_run_beside_others() -> None:

@@ -23,11 +23,11 @@ from lab.experiment.ensembles.lane_draws import Streams, draw, seeds_abreast, st
 from lab.experiment.sensor_stages import SampledFlight
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels import compilation
-from lab.navigation.kernels.compilation import entry_kernel, kernel, loop_kernel
+from lab.navigation.kernels.compilation import kernel, loop_kernel
 from lab.navigation.kernels.lane_views import LANES, wide, wide_vectors
 from lab.sensors import imu, processes
 from lab.sensors import temperature as thermal
-from lab.sensors.draws import generator
+from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.suite import SensorSuite
 
 Errors = imu.GyroErrors | imu.AccelerometerErrors
@@ -163,9 +163,10 @@ def triads(
     name, first = ("gyro", 0) if isinstance(errors, imu.GyroErrors) else ("accelerometer", 3)
     ideal, dt = flight.ideal.dvelocity if first else flight.ideal.dtheta, flight.ideal.dt
     lanes = [*range(len(seeds)), *[len(seeds) - 1] * (LANES - len(seeds))]
-    draws = imu.ImuDraws.constants(seeds_abreast(seeds), name)
+    abreast = seeds_abreast(seeds)
+    draws = imu.ImuDraws.constants(abreast, name)
     bias, M = imu.turn_on_bias(errors, draws), imu.cross_coupling(errors, draws)
-    out, process = room.increments, _processes(seeds, name, errors, dt, room)
+    out, process = room.increments, _processes(seeds, abreast, name, errors, dt, room)
     warmer = _warmer(errors, sensors, flight)
     felt = si(errors, "g_sensitivity") if isinstance(errors, imu.GyroErrors) else np.zeros(3)
     cutoff = 2 * np.pi * si(errors, "bandwidth") * dt
@@ -209,7 +210,9 @@ def triads(
     ]
 
 
-def _processes(seeds: Sequence[int], name: str, errors: Errors, dt: float, room: SensorRoom) -> FloatArray:
+def _processes(
+    seeds: Sequence[int], abreast: Sequence[Seed], name: str, errors: Errors, dt: float, room: SensorRoom
+) -> FloatArray:
     """Return the slow part of the bias of each run (LANES, 3, n) [rad/s] or [m/s²]; (LANES, 3, 0) without."""
     flicker = si(errors, "flicker")
     others = {"instability": any(errors.instability), "walk": any(errors.rate_random_walk)}
@@ -218,24 +221,23 @@ def _processes(seeds: Sequence[int], name: str, errors: Errors, dt: float, room:
     total = room.process
     total[:] = 0.0
     if flicker.any():
-        for lane, seed in enumerate(seeds):
-            np.multiply(flicker[:, None], _flicker(seed, name, total.shape[2]), out=total[lane])
+        for lane, (seed, own) in enumerate(zip(seeds, abreast, strict=True)):
+            np.multiply(flicker[:, None], _flicker(seed, own, name, total.shape[2]), out=total[lane])
     if any(others.values()):
         rest = errors.copy()
         rest.set("flicker", 0.0)
-        for lane, seed in enumerate(seeds):
-            draws = imu.ImuDraws.of(seed, name, total.shape[2], **others)
+        for lane, own in enumerate(abreast):
+            draws = imu.ImuDraws.of(own, name, total.shape[2], noise=False, **others)
             total[lane] += imu.drift(rest, draws, dt).T
     return total
 
 
-def _flicker(seed: int, name: str, samples: int) -> FloatArray:
+def _flicker(seed: int, own: Seed, name: str, samples: int) -> FloatArray:
     """Return the flicker of a triad with a coefficient of 1 (3, n), kept for other sensors of the seed."""
 
     def made() -> FloatArray:
-        drawn = np.empty((3, samples))
-        _draw_rows(generator(seed, f"{name}.flicker"), drawn)
-        return processes.flicker(drawn, axis=-1)
+        drawn = unit_draws(own, f"{name}.flicker", (samples, 3))
+        return processes.flicker(np.ascontiguousarray(drawn.T), axis=-1)
 
     return FLICKER.get("flicker", f"{seed} {name} {samples}", made)
 
@@ -252,14 +254,6 @@ def _warmer(errors: Errors, sensors: SensorSuite, flight: SampledFlight) -> Floa
 def is_ready() -> bool:
     """Return whether the function waits for no compiler: compiled here, or on the disk."""
     return compilation.is_ready(_sense) and lane_draws.is_ready()
-
-
-@entry_kernel
-def _draw_rows(noise: np.random.Generator, out: FloatArray) -> None:
-    """Draw (3, n) unit values, sample by sample."""
-    for k in range(out.shape[1]):
-        for i in range(3):
-            out[i, k] = noise.standard_normal()
 
 
 @loop_kernel
