@@ -328,9 +328,9 @@ def _measure(start: int, count: int, given: _Triad, part: _Part, i: int) -> None
             lag[0] = settled * held
         state = lag[0]
         for k in range(count):
-            entered = values[k]
-            values[k] = (1 - held) * entered + state
-            state = (held - forget) * entered + forget * values[k]
+            left = (1 - held) * values[k] + state
+            state = (held - forget) * values[k] + forget * left
+            values[k] = left
         lag[0] = state
 
 
