@@ -12,6 +12,10 @@ from tests.benchmarks.ledger import ROOT, SHORT, Row, read, rows, run, written
 ROWS = rows()
 
 
+def test_most_claims_are_validated() -> None:
+    assert sum(row.is_validated for row in ROWS) >= 0.7 * len(ROWS)
+
+
 def test_no_claim_stands_twice() -> None:
     assert len({row.claim for row in ROWS}) == len(ROWS)
 
@@ -42,6 +46,8 @@ def test_the_command_of_a_row_is_there(row: Row) -> None:
 )
 def test_a_short_row_holds(row: Row, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows of tests are run as tests."""
+    if "../shared" in row.command and not (ROOT.parent / "shared").is_dir():
+        pytest.skip("needs the folder ../shared with real logs")
     monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path))
     outcome = run(row)
     assert outcome.holds, (outcome.number, outcome.words)

@@ -2,7 +2,8 @@
 
 ``python -m tests.benchmarks.ledger [words in claims ...]`` runs the commands of the rows, all of them without
 words, and writes the date, the seconds of a processor, and the figure of a command whose output has it.
-``make ledger`` runs all.
+``make ledger`` runs all. ``python -m tests.benchmarks.ledger --share`` runs nothing, and prints how many are
+validated, and which are not.
 """
 
 from __future__ import annotations
@@ -150,8 +151,23 @@ def _used() -> float:
     return used.ru_utime + used.ru_stime
 
 
+def share() -> None:
+    """Print how many rows are validated, and the claims of the others."""
+    known = rows()
+    others = [row for row in known if not row.is_validated]
+    for row in others:
+        print(f"{'modelled' if row.command else 'no command'}   {row.claim}")
+    validated = len(known) - len(others)
+    missed = sum(bool(row.missed) for row in known)
+    part = f"{validated} of {len(known)} claims validated: {100 * validated / len(known):.0f} %"
+    print(f"{part}; {missed} miss a mark")
+
+
 def main(words: list[str]) -> int:
     """Run the rows whose claim or command has all words; return the number that does not hold."""
+    if words == ["--share"]:
+        share()
+        return 0
     chosen = [one for one in rows() if all(word in f"{one.claim} {one.command}" for word in words)]
     failed, done = 0, dict[str, Outcome]()
     for row in chosen:

@@ -4,8 +4,9 @@ A vehicle on wheels goes where it points: the speeds to its right and down are z
 askew by 0.2° sees 5 cm/s of them at 15 m/s, which the filter takes for an error of its own heading. The
 angles are those that make the innovations of fixes and of these conditions most likely: by Fisher scoring,
 with derivatives that are differences of whole runs of the filter. σ comes from the scatter of the scores, not
-from the slip that the filter assumes, and counts that those of neighbouring seconds say the same. The place of the vehicle that does not slip is estimated beside them. The roll does not
-show, since both speeds are zero.
+from the slip that the filter assumes, and counts that those of neighbouring seconds say the same. The place
+of the vehicle that does not slip is estimated beside them. The roll does not show, since both speeds are
+zero.
 
 Each half of the drive gives angles, and the other half judges them: its innovations must be smaller than
 without the angles, and the positions after fixes withheld for 10 s better, and not worse than without the

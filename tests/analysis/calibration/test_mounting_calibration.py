@@ -9,11 +9,11 @@ import pytest
 from scipy.signal import lfilter
 
 import lab
-from lab.analysis.calibration.mounting import _spread
+from lab.analysis.calibration.mounting import _Drive, _scored, _spread
 from lab.base.files.mission_error import MissionError
 from lab.data.log.calibration import Calibration
 from lab.experiment.calibration import written
-from lab.missions import mission
+from lab.missions import mission as find_mission
 from tests.calibration_logs import drive
 
 
@@ -70,10 +70,11 @@ def test_sigma_of_the_angles_holds_over_drives(tmp_path: Path, sway: float) -> N
     off = []
     for seed in range(60):
         angles = np.random.default_rng(seed).normal(scale=0.5, size=2)
-        _, found = calibrated(tmp_path / str(seed), seed + 1, *angles, sway=sway)
-        off.append(
-            [(term.value - true) / term.sigma for term, true in zip(found.terms, angles, strict=False)]
-        )
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        log = drive(folder, seed + 1, *angles, sway=sway)
+        found, _ = _scored(_Drive(find_mission(log.mission).log, log), None)
+        off.append((found.values[:2] - np.radians(angles)) / found.sigma[:2])
     rms = np.sqrt(np.mean(np.square(off), axis=0))
     print(f"slip of {sway:g} m/s: estimate/σ has rms {rms[0]:.2f} (pitch), {rms[1]:.2f} (yaw)")
     assert (rms > 0.85).all()
@@ -129,7 +130,7 @@ def test_short_and_straight_drives_are_refused(
 def test_other_vehicles_and_simulated_missions_are_refused(tmp_path: Path) -> None:
     log = drive(tmp_path, 1, 0.0, 0.0, seconds=30.0)
     (tmp_path / "log" / "log.toml").write_text('vehicle = "copter"\n')
-    assert mission(log.mission).log.auxiliary.vehicle == "copter"
+    assert find_mission(log.mission).log.auxiliary.vehicle == "copter"
     with pytest.raises(MissionError, match="is of a copter, which slips"):
         lab.calibrate_mounting(log)
     with pytest.raises(MissionError, match="is a simulated mission"):
