@@ -526,6 +526,10 @@ def _drift(
     tried = np.concatenate((own, base[:, None] * FACTORS), axis=1)
     variance = white[:, None, None] + tried[..., None] * power
     weight = 1 / variance
+    walk = np.zeros_like(base)
+    if drive == 0 and matched > 0:
+        known = _walk(seen.bias[:, axis] @ basis, basis.sum(axis=0), NEARLY_KNOWN * white, matched * power)
+        walk = np.where(matched > limits.VERDICT.drive_factor * hidden, known, 0.0)
     products = (causes[:, :, None] * causes[:, None, :]).reshape(len(causes), -1)
     return (
         own / base[:, None],
@@ -533,11 +537,7 @@ def _drift(
         weight @ (causes * values[..., None]),
         (weight @ (values**2)[..., None])[..., 0],
         np.log(variance / white[:, None, None]).sum(axis=2),
-        np.where(
-            (drive == 0) & (matched > limits.VERDICT.drive_factor * hidden),
-            _walk(seen.bias[:, axis] @ basis, basis.sum(axis=0), NEARLY_KNOWN * white, matched * power),
-            0.0,
-        ),
+        walk,
     )
 
 
