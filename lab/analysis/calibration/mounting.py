@@ -345,7 +345,7 @@ def _lags(sums: FloatArray) -> int:
     rho = np.minimum(np.abs(rho), LIMITS.most_alike)
     power = ((sums**2).mean(axis=0) * (1 - rho**2)) ** 2 + LIMITS.least
     slope = np.sum(4 * rho**2 * power / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.sum(power / (1 - rho) ** 4)
-    return math.ceil(1.1447 * float(slope * len(sums)) ** (1 / 3))
+    return math.ceil(1.1447 * math.cbrt(slope * len(sums)))
 
 
 def _of_lags(sums: FloatArray, lags: int) -> FloatArray:
