@@ -1,10 +1,11 @@
-"""Card axes: the errors of each axis that a minute without fixes leaves, card by card as loaded, beside the filter's σ.
+"""Card axes: the errors of each axis that a minute without fixes leaves, card by card as loaded, over σ.
 
 Run it with ``python -m tests.benchmarks.card_axes [seeds] [words in names or missions]``. The seeds begin
-with 1001, and 100 are usual. Each seed flies the three missions with an outage that begins anywhere after the
-filter has converged; runs eight abreast, as those of ``ins-lab outage``. A row holds the rms of error over σ of
-position and attitude at the end of the outages, over all runs, with its 95 % interval, and the rms of the horizontal
-error. A figure is marked with ! if it is outside 0.8 to 1.2, and the card is listed if its interval is, too.
+with 1001, and 100 are usual. Each seed flies the three missions with an outage that begins anywhere after
+the filter has converged; runs eight abreast, as those of ``ins-lab outage``. A row holds the rms of error
+over σ of position and attitude at the end of the outages, over all runs, with its 95 % interval, and the rms
+of the horizontal error. A figure is marked with ! if it is outside 0.8 to 1.2, and the card is listed if its
+interval is, too.
 """
 
 from __future__ import annotations
