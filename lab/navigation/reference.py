@@ -407,6 +407,7 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool
     _put(state, strapdown.VELOCITY, part_of(state, strapdown.VELOCITY) - x[VEL])
     # A second fix before the next sample interpolates between this one and the one before.
     _put(state, strapdown.PREVIOUS_VELOCITY, part_of(state, strapdown.PREVIOUS_VELOCITY) - x[VEL])
+    _put(state, strapdown.CORRECTED, part_of(state, strapdown.CORRECTED) + x[ATT])
     q_nb = Rotation.from_rotvec(x[ATT]) * Rotation.from_quat(
         part_of(state, strapdown.Q_NB, 4), scalar_first=True
     )

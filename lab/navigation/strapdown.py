@@ -66,7 +66,9 @@ FORCE_N = SINE + 14  # mean specific force of the last step, in n
 C_NB = SINE + 17  # attitude at the start of the last step, row by row
 PER_STEP = SINE + 26  # one over the length of the last step
 GRAVITY = SINE + 27  # during the last step
-LENGTH = SINE + 28  # length of the state
+CORRECTION = SINE + 28  # rotation vector of the corrections before the last step, in n
+CORRECTED = SINE + 31  # the same since the last step
+LENGTH = SINE + 34  # length of the state
 
 MAX_LATITUDE = NEAR_POLE
 """Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the poles,
@@ -88,6 +90,32 @@ def put(state: FloatArray, at: int, v: Vector) -> None:
     state[at] = v[0]
     state[at + 1] = v[1]
     state[at + 2] = v[2]
+
+
+@inline_kernel
+def note_correction(state: FloatArray, v: Vector) -> None:
+    """Note that the attitude has been corrected by a rotation vector; see `reset_rate`."""
+    put(state, CORRECTED, plus(get(state, CORRECTED), 1.0, v))
+
+
+@inline_kernel
+def age_correction(state: FloatArray) -> None:
+    """Make the corrections since the last step those before this one."""
+    put(state, CORRECTION, get(state, CORRECTED))
+    put(state, CORRECTED, (0.0, 0.0, 0.0))
+
+
+@inline_kernel
+def reset_rate(state: FloatArray) -> Vector:
+    """Return the rate at which attitude errors φ turn in the step after a correction x [rad/s].
+
+    The error φ' that is left after the correction is that of exp(−φ') = exp(x) exp(−φ). To first order in
+    φ − x, it is (I + ½ [x ×]) (φ − x), so P turns by half of the correction. Without that, a filter that
+    corrects tilts by degrees relates them to the wrong heading.
+    """
+    half = 0.5 * state[PER_STEP]
+    x = get(state, CORRECTION)
+    return half * x[0], half * x[1], half * x[2]
 
 
 @inline_kernel
@@ -391,6 +419,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     put(state, PREVIOUS_VELOCITY, v)
     put(state, PREVIOUS_DTHETA, dtheta)
     put(state, PREVIOUS_DVELOCITY, dvelocity)
+    age_correction(state)
     per_dt = 1 / dt
     state[PER_STEP], state[GRAVITY] = per_dt, g
     put(state, FORCE_N, (dvelocity_n[0] * per_dt, dvelocity_n[1] * per_dt, dvelocity_n[2] * per_dt))

@@ -48,6 +48,7 @@ from lab.navigation.strapdown import (
     get,
     gravity,
     matrix,
+    note_correction,
     product,
     put,
     radii,
@@ -266,6 +267,7 @@ def displace(state: FloatArray, x: FloatArray) -> None:
     _minus(state, VELOCITY, C, get(x, 3))
     _minus(state, PREVIOUS_VELOCITY, C, get(x, 3))
     put_quaternion(state, Q_NB, product(q, product(rotation(get(x, 6)), quaternion(state, Q_NB))))
+    note_correction(state, get(x, 6))
     put_quaternion(state, Q_EW, product(quaternion(state, Q_EW), (q[0], -q[1], -q[2], -q[3])))
     state[HEIGHT] += x[2]
     _keep_axis(state)

@@ -21,13 +21,17 @@ from lab.navigation.filters.error_models import (
     GYRO_BIAS,
     GYRO_SCALE,
     INVARIANT,
+    NORTH_SLAVED,
     PHI,
     POS,
     PSI,
     STATES,
     VEL,
+    WANDER_AZIMUTH,
     ErrorModel,
 )
+from lab.navigation.filters.wander_models import linear_model
+from lab.navigation.kernels import own_room
 
 # Below this an entry is nothing: the turn rate of the body cancels among the attitudes, but for its roundoff.
 ZERO = np.full((21, 21), 1e-20)
@@ -365,3 +369,34 @@ def test_biases_stay_without_the_decay_and_scale_factors_for_ever(model: ErrorMo
     F = np.zeros((model.states, model.states))
     model.write(navigator_state(random_vehicle(0.5)), F)
     assert not F[9:].any()
+
+
+@pytest.mark.parametrize("mechanization", [NORTH_SLAVED, WANDER_AZIMUTH])
+@pytest.mark.parametrize("name", ["phi", "psi"])
+def test_attitude_errors_turn_by_half_of_a_correction(name: str, mechanization: str) -> None:
+    """The error φ' left by a correction x is that of exp(−φ') = exp(x) exp(−φ), with SciPy's rotations."""
+    model, rate, x = linear_model(name, mechanization), 50.0, np.array([0.02, -0.03, 0.05])
+    F = np.zeros((2, model.states, model.states))
+    state = np.random.default_rng(3).uniform(0.1, 0.5, own_room.END)
+    state[strapdown.HEIGHT], state[strapdown.PER_STEP] = 1000.0, rate
+    for correction, written in zip((np.zeros(3), x), F, strict=True):
+        state[strapdown.CORRECTION : strapdown.CORRECTION + 3] = correction
+        model.write(state, written)
+    found = np.eye(3) + (F[1] - F[0])[ATT, ATT] / rate
+    small = 1e-6
+    left = Rotation.from_rotvec(x) * Rotation.from_rotvec(-(x + small * np.eye(3)))
+    np.testing.assert_allclose(found, -left.as_rotvec().T / small, atol=x @ x / 4)
+    assert np.count_nonzero(F[1] != F[0]) == 6
+
+
+def test_a_correction_counts_in_the_step_after_it() -> None:
+    """Two corrections between two steps add; the second step after them has none."""
+    state = np.zeros(strapdown.LENGTH)
+    state[strapdown.PER_STEP] = 10.0
+    shown = []
+    for corrections in ([(0.1, 0.0, 0.0), (0.0, 0.2, 0.0)], [], []):
+        for one in corrections:
+            strapdown.note_correction(state, one)
+        strapdown.age_correction(state)
+        shown.append(strapdown.reset_rate(state))
+    np.testing.assert_allclose(shown, [(0.5, 1.0, 0.0), (0, 0, 0), (0, 0, 0)])

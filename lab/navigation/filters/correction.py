@@ -39,7 +39,9 @@ def correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
         state[PREVIOUS_VELOCITY + i] -= w[WIDTH * (3 + i) + X]
     for i in range(NAV, STATES):
         state[PLACES[i - NAV]] -= w[WIDTH * i + X]
-    attitude = strapdown.rotation((w[WIDTH * 6 + X], w[WIDTH * 7 + X], w[WIDTH * 8 + X]))
+    turn = w[WIDTH * 6 + X], w[WIDTH * 7 + X], w[WIDTH * 8 + X]
+    strapdown.note_correction(state, turn)
+    attitude = strapdown.rotation(turn)
     at = strapdown.Q_NB
     q = strapdown.product(attitude, (state[at], state[at + 1], state[at + 2], state[at + 3]))
     put(state, at, (q[0], q[1], q[2]))

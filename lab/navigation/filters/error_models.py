@@ -38,7 +38,7 @@ from lab.navigation.filters import blocks
 from lab.navigation.kernels import own_room
 from lab.navigation.kernels.compilation import inline_kernel
 from lab.navigation.kernels.generation import Slot, Variant, Written, generated, interpreted
-from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_rate
+from lab.navigation.strapdown import Vector, earth_rate, get, matrix, plus, reset_rate, transport_rate
 
 POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = (slice(i, i + 3) for i in range(0, 21, 3))
 """Slices of the error states."""
@@ -235,7 +235,7 @@ def phi(state: FloatArray, F: FloatArray) -> None:
     F[A + N, P + N], F[A + N, P + D], F[A + N, V + E] = ie_n_n + en_n_n, en_n_d, t
     F[A + E, P + N], F[A + E, P + D], F[A + E, V + N] = en_e_n, en_e_d, -m
     F[A + D, P + N], F[A + D, P + D], F[A + D, V + E] = ie_d_n + en_d_n, en_d_d, -tl * t
-    skew(F, A, A, (-ie_n - en_n, -en_e, -ie_d - en_d))
+    skew(F, A, A, plus((-ie_n - en_n, -en_e, -ie_d - en_d), 1.0, reset_rate(state)))
     attitude_matrix(F, A, G, 1.0, state)
 
 
@@ -290,7 +290,7 @@ def psi(state: FloatArray, F: FloatArray) -> None:
     skew(F, V, A, get(state, strapdown.FORCE_N))
     attitude_matrix(F, V, B, -1.0, state)
 
-    skew(F, A, A, (-ie_n - en_n, -en_e, -ie_d - en_d))
+    skew(F, A, A, plus((-ie_n - en_n, -en_e, -ie_d - en_d), 1.0, reset_rate(state)))
     attitude_matrix(F, A, G, 1.0, state)
 
 

@@ -240,11 +240,36 @@ def keeps_heading(
 
 
 @kernel
-def straighten(held: FloatArray, m: int, P: FloatArray, F: FloatArray) -> None:
+def _let_heading_turn_biases(state: FloatArray, P: FloatArray, F: FloatArray, dt: float) -> None:
+    """Add what a step makes the moments of ω (cos ψ − 1) and ω sin ψ grow by to the level gyro biases."""
+    variance, growth = P[NAV - 1, NAV - 1], 0.0
+    for j in range(STATES):
+        growth += 2 * dt * F[NAV - 1, j] * P[NAV - 1, j]
+    if growth <= 0:
+        return
+    # Of ψ with the variance s, E sin² ψ = (1 − exp(−2 s)) / 2, and
+    # E (cos ψ − 1)² = 3/2 − 2 exp(−s/2) + exp(−2 s)/2; these are their derivatives with s.
+    across = growth * math.exp(-2 * variance)
+    along = growth * math.exp(-0.5 * variance) - across
+    reset = strapdown.reset_rate(state)
+    rate = F[NAV - 2, NAV - 1] + reset[0], reset[1] - F[NAV - 3, NAV - 1]  # of the frame, of −ω × φ
+    for i in range(3):
+        a = rate[0] * state[strapdown.C_NB + i] + rate[1] * state[strapdown.C_NB + 3 + i]
+        b = rate[0] * state[strapdown.C_NB + 3 + i] - rate[1] * state[strapdown.C_NB + i]
+        for j in range(3):
+            c = rate[0] * state[strapdown.C_NB + j] + rate[1] * state[strapdown.C_NB + 3 + j]
+            d = rate[0] * state[strapdown.C_NB + 3 + j] - rate[1] * state[strapdown.C_NB + j]
+            P[NAV + i, NAV + j] += along * a * c + across * b * d
+
+
+@kernel
+def straighten(held: FloatArray, m: int, state: FloatArray, P: FloatArray, F: FloatArray, dt: float) -> None:
     """Remove from F what a heading does, before a fix that shows it by chance only.
 
     The level specific force, by which a heading would turn velocities, is noise and error of the tilt there.
-    The Earth's rate shows a heading only as far as its error is small.
+    The Earth's rate shows a heading only as far as its error is small. A larger one tilts the navigator as
+    level gyro biases do, by ω (cos ψ − 1) along the level rate ω of the frame and ω sin ψ across. As σ of the
+    heading grows, so do the second moments of these two, which level gyro biases take as a random walk.
 
     Parameters
     ----------
@@ -252,14 +277,20 @@ def straighten(held: FloatArray, m: int, P: FloatArray, F: FloatArray) -> None:
         As `Solution.fix_held`; zero for all fixes that a filter has yet to use.
     m
         The next fix; there may be none.
+    state
+        The navigator.
     P : (n, ≥ n) array
-        Covariance.
+        Covariance, changed in place.
     F : (n, n) array
         System matrix for errors in a navigation frame, changed in place.
+    dt
+        Length of the step [s].
     """
     if m < held.shape[0] and (held[m, 0] != 0 or held[m, 1] != 0 or held[m, 2] != 0):
         heading = NAV - 1
         is_small = P[heading, heading] < LINEAR * LINEAR
+        if not is_small:
+            _let_heading_turn_biases(state, P, F, dt)
         for row in range(2):
             F[NAV - 6 + row, heading] = 0.0
             F[NAV - 3 + row, heading] *= is_small

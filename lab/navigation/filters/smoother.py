@@ -391,7 +391,7 @@ def backwards(
         if imu.rest.size > 0:
             hold_attitude(run.state, run.rest_sums, imu.rest[k])
         write_f(run.state, run.F)
-        straighten(out.fix_held, m, run.P, run.F)
+        straighten(out.fix_held, m, run.state, run.P, run.F, dt)
         predict(run, dt, due, schedule.stride)
         if due or (imu.rest.size > 0 and imu.rest[k]):
             left = take_measurements(run, imu, fixes, out, k, schedule, left == PENDING)

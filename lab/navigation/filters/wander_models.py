@@ -48,6 +48,7 @@ from lab.navigation.strapdown import (
     get,
     matrix,
     plus,
+    reset_rate,
 )
 from lab.navigation.wander import AXIS, BEND, quaternion, to_fix, to_north, turn_of
 from lab.navigation.wander import frame_rate as _earth_rate
@@ -90,7 +91,7 @@ def psi(state: FloatArray, F: FloatArray) -> None:
     skew(F, V, A, get(state, strapdown.FORCE_N))
     attitude_matrix(F, V, B, -1.0, state)
 
-    skew(F, A, A, minus_in)
+    skew(F, A, A, plus(minus_in, 1.0, reset_rate(state)))
     attitude_matrix(F, A, G, 1.0, state)
 
 
@@ -197,7 +198,7 @@ def phi(state: FloatArray, F: FloatArray) -> None:
     skew(F, V, A, get(state, strapdown.FORCE_N))
     attitude_matrix(F, V, B, -1.0, state)
 
-    skew(F, A, A, minus_in)
+    skew(F, A, A, plus(minus_in, 1.0, reset_rate(state)))
     attitude_matrix(F, A, G, 1.0, state)
 
 

@@ -171,7 +171,7 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
         if rest.size > 0:
             hold_attitude(state, rest_sums, rest[k])
         write_f(state, F)
-        straighten(fix_held, m, run.P, F)
+        straighten(fix_held, m, state, run.P, F, dt)
         predict(run, dt, due, schedule.stride)
         if due or (rest.size > 0 and rest[k]):
             left = take_measurements(run, imu, fixes, out, k, schedule, left == PENDING)
