@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from lab.analysis.observability import observability
 from lab.base.arrays import FloatArray
@@ -19,6 +21,7 @@ from lab.motion.frames import earth
 from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.motion.recordings.recording import Recording
 from lab.navigation.filters import heading_observability
+from tests.benchmarks.card_matrix import errors_at
 
 RATE = 50.0
 MODELS = ("phi", "psi", "invariant", "nonlinear")
@@ -121,6 +124,36 @@ def test_errors_of_the_heading_have_the_size_of_sigma(
         ratio = float(np.sqrt(np.mean((errors[:, 0] / errors[:, 1]) ** 2)))
         print(f"\n{kind}, {settings}: error over σ after {time:g} s, 40 seeds: {ratio:.2f}")
         assert 0.8 <= ratio <= 1.2  # by chance: 1 ± 0.11
+
+
+@pytest.mark.proof
+def test_a_smoothed_cruise_knows_its_other_errors(tmp_path: Path) -> None:
+    """The Earth's rate turns a navigator whose heading is radians off as level gyro biases do.
+
+    The tilt is that of the vertical: the rotation vector of a tilt with a heading error ψ is turned by ψ/2.
+    """
+    path, level, n = mission(tmp_path, "cruise", 900.0), [9, 10], 40
+    others = [state for state in range(15) if state not in (8, 11)]
+    squares = []
+    for seed in range(1001, 1001 + n):
+        one = run(path, seed, rate=10.0, smoother=True)
+        at = one.solution_arrays.fix_sample[[200, 600, 850]]
+        x, P = errors_at(one, at), one.solution_arrays.fix_covariance[[200, 600, 850]]
+        vertical = Rotation.from_rotvec(-x[:, 6:9]).as_matrix()[:, :, 2]
+        x[:, 6], x[:, 7] = vertical[:, 1], -vertical[:, 0]
+        squares.append(
+            [
+                [
+                    float(e[part] @ np.linalg.solve(C[np.ix_(part, part)], e[part]))
+                    for e, C in zip(x, P, strict=True)
+                ]
+                for part in (level, others)
+            ]
+        )
+    found = np.mean(squares, axis=0) / [[len(level)], [len(others)]]
+    print(f"\nNEES/n after 200, 600, 850 s: level gyro biases {found[0]}, all but the heading {found[1]}")
+    assert found[0, 0] < chi2.ppf(0.99, 2 * n) / (2 * n)  # 1.8 without the Earth's rate
+    assert found[1].max() < chi2.ppf(0.999, 13 * n) / (13 * n)
 
 
 def test_a_smoother_knows_the_heading_of_a_straight_flight_from_the_turn_after_it(tmp_path: Path) -> None:
