@@ -64,10 +64,21 @@ def test_a_mission_opens_with_its_recording(tmp_path: Path, monkeypatch: pytest.
     np.testing.assert_allclose(opened.recording.velocity_n, flown.velocity_n, atol=1e-6)
 
 
+FILTERED = (
+    *("solution", "errors", "sigma", "state_sigma", "track", "sensor_errors"),
+    *("innovations", "autocorrelation", "consistency"),
+)
+"""Datasets that depend on the filter."""
+
+
 def test_a_result_opens_and_its_settings_give_the_same_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All that the file of version 0.1.0 holds is in one of today, under the same names and units."""
+    """All that the file of version 0.1.0 holds is in one of today, under the same names and units.
+
+    The flight and what the sensors measure are the same. The filter has learnt since then: since a correction
+    turns its covariance, its errors differ by 0.04 σ at most.
+    """
     monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path))
     for name in ("short_circle.toml", "short_circle.csv.gz"):
         shutil.copy(SAVED / name, tmp_path)
@@ -81,9 +92,15 @@ def test_a_result_opens_and_its_settings_give_the_same_flight(
                 for quantity, values in group.data_vars.items():
                     today = new[name][quantity]
                     assert values.attrs.get("units") == today.attrs.get("units")
-                    np.testing.assert_allclose(
-                        today, values, rtol=1e-6, atol=1e-9, err_msg=f"{name} {quantity}"
-                    )
+                    if name in FILTERED:
+                        assert np.sqrt(np.mean((today - values) ** 2)) <= 0.05 * values.std(), (
+                            name,
+                            quantity,
+                        )
+                    else:
+                        np.testing.assert_allclose(
+                            today, values, rtol=1e-6, atol=1e-9, err_msg=f"{name} {quantity}"
+                        )
 
 
 def test_a_lesson_of_before_and_a_link_to_each_of_its_pages_open_what_took_their_place() -> None:
