@@ -142,6 +142,7 @@ class OpenFilter:
         state[VELOCITY] -= x[3:6]
         turned = Rotation.from_rotvec(x[6:9]) * Rotation.from_quat(state[ATTITUDE], scalar_first=True)
         state[ATTITUDE] = turned.as_quat(scalar_first=True)
+        strapdown.note_correction(state, tuple(x[6:9]))  # by which the next F turns P, too
         state[BIASES] -= x[9:]
 
 

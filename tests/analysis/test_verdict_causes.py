@@ -142,7 +142,7 @@ def test_what_the_rate_of_the_earth_adds_is_that_of_its_equation():
     np.testing.assert_allclose(found.earth, np.tile(expected, (10, 1)), rtol=1e-6, atol=1e-15)
 
 
-@pytest.mark.parametrize("seed", [4, 7])
+@pytest.mark.parametrize("seed", [4, 5])
 def test_products_of_attitude_errors_at_the_start_are_beyond_the_linear_model(seed):
     """Poor accelerometers and a start that is wrong by degrees: all that the filter assumes is right."""
     experiment = Experiment(mission="los_angeles", seed=seed)

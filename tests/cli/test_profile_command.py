@@ -52,7 +52,7 @@ def test_a_question_without_a_terminal_prints_the_commands_and_an_answer_is_kept
     table(folder / "imu.csv", "t,wx,wy,wz,ax,ay,az", imu)
     table(folder / "gps.csv", "t,lat,lon,alt,vn,ve", source.gnss[:, :6])
     asked = ask("import", "imu.csv", "gps.csv", "--as", "log")
-    refused(asked, "may be gravity in cm/s²")
+    refused(asked, "which may be cm/s² (981) or mg (1000)")
     (command,) = (
         line.strip() for line in asked.stderr.splitlines() if "cm/s²" in line and "ins-lab import" in line
     )

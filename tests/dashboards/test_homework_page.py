@@ -180,10 +180,11 @@ def test_the_comparison_shows_and_changes_nothing_that_a_homework_hides(walk: Wa
             toggle.value = True
         shown._seeds.value = 2
         shown._cards._boxes[0].value = ["BMI088"]
-        shown._sweep._axes[0].steps.value, shown._sweep._seeds.value = 2, 1
-        shown._run_sweep()
+        choice = shown._sweep.choice
+        choice._axes[0].steps.value, choice._seeds.value = 2, 1
+        shown._sweep.run()
     walk.settle()
-    assert list(shown._sweep._axes[0].setting.options.values()) == ["navigator.r_scale"]
+    assert list(choice._axes[0].setting.options.values()) == ["navigator.r_scale"]
     for row in ("psi", "BMI088"):
         refusal = shown._table.object.split(f"<td>{row}</td>")[1].split("</tr>")[0]
         assert "does not let you change it" in refusal
@@ -194,7 +195,7 @@ def test_the_comparison_shows_and_changes_nothing_that_a_homework_hides(walk: Wa
     written = str([shown._table.object, labels, [model.properties_with_values() for model in models]])
     secrets = (FAULTS["r"].title, keyed.homework.scenario.key, "HiddenExperiment", "Scenario")
     assert [secret for secret in secrets if secret in written] == []
-    shown._plan = Plan({"navigator.q_scale": (0.1, 1.0)}, 1)  # as chosen before the homework was opened
+    shown._sweep.plan = Plan({"navigator.q_scale": (0.1, 1.0)}, 1)  # as chosen before the homework was opened
     with set_curdoc(walk._document):
         walk.page._show_again(shown)
     walk.settle()
