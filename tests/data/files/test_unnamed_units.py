@@ -7,12 +7,13 @@ import pytest
 from sensor_logs import tables
 
 from lab.data.files.unit_names import UNITS, unit_of
+from lab.data.log.sensor_log import GnssLog
 from lab.data.protocols.column_guess import guess_columns
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sheet import read_sheet
 from lab.data.sheets.sheet_fixes import fixes_of
-from lab.data.sheets.sheet_imu import imu_of
+from lab.data.sheets.sheet_imu import imu_of, refuse_cm_per_s2
 from lab.missions import MissionError
 
 
@@ -146,14 +147,21 @@ def test_millidegrees_beside_mg_are_found_by_their_size():
 
 @pytest.mark.parametrize("start", [0, 30, 60, 90, 130])
 def test_cm_per_s2_are_not_read_as_milli_g(start):
-    rows = tables(start, start + 60).imu
+    made = tables(start, start + 60)
+    rows, gnss = made.imu, made.gnss
+    fixes = GnssLog(
+        gnss[:, 0], np.column_stack((np.radians(gnss[:, 1:3]), gnss[:, 3])), gnss[:, 4:7],
+        gnss[:, 7:10], gnss[:, 10:13], np.zeros(3), 0.0,
+    )  # fmt: skip
     header = "time,gx,gy,gz,ax,ay,az"
 
     def found(per_metre, units=None):
         lines = (",".join(f"{x:.9g}" for x in row) for row in rows * ([1.0] * 4 + [per_metre] * 3))
-        return imu_of([read_sheet("imu.csv", "\n".join((header, *lines)).encode(), units)])
+        read = imu_of([read_sheet("imu.csv", "\n".join((header, *lines)).encode(), units)])
+        refuse_cm_per_s2(read, fixes)
+        return read
 
-    with pytest.raises(MissionError, match=r"in cm/s² \(981\) or in mg .*--unit HEADING=cm/s²"):
+    with pytest.raises(MissionError, match=r"cm/s² \(981\) or mg .*--unit HEADING=cm/s²"):
         found(100)
     named = found(100, dict.fromkeys(("ax", "ay", "az"), "[cm/s²]"))
     np.testing.assert_allclose(named.samples[:, 3:], rows[:, 4:], rtol=1e-6, atol=1e-6)
