@@ -306,8 +306,10 @@ def test_values_beyond_three_sigma_are_marked_and_no_others(result: Result) -> N
     overconfident = Experiment().update({"navigator": {"q_scale": 0.1}}).run()
     axis = TimeAxis()
     axis.span(float(result.time[-1]))
-    figures = TimeFigures(ERRORS, axis)
-    for shown, window in ((overconfident, (0.0, axis.duration)), (overconfident, (50.0, 51.0))):
+    figures, shown = TimeFigures(ERRORS, axis), overconfident
+    far = np.abs(shown.errors["attitude"].values[:, 2]) > 3 * shown.sigma["attitude"].values[:, 2]
+    first = float(shown.time[far][0])
+    for window in ((0.0, axis.duration), (first - 0.5, first + 0.5)):
         axis.range.update(start=window[0], end=window[1])
         figures.show(shown)
         marks = (
