@@ -127,7 +127,7 @@ check("05.3")
 #
 # P₀ acts once. If it is too small, the filter is certain of a wrong attitude and wrong biases, and needs a
 # long time to give them up. If it is too large, the first fixes put it right. So **be generous with P₀**:
-# here a factor of 100 on its variances costs 4 cm, and a factor of 1/100 costs more than a metre.
+# here a factor of 100 on its variances costs 5 cm, and a factor of 1/100 costs more than a metre.
 
 # %%
 scan("p0_scale")

@@ -101,7 +101,7 @@ matched.coverage.round(2)
 
 # %% [markdown]
 # The fixes of a run are not independent: an error of the heading that is large at one fix is large at the
-# next. So 87 % instead of 95 % is no proof of a fault, and the curve stays on one side for a while. *Runs*
+# next. So 91 % instead of 95 % is no proof of a fault, and the curve stays on one side for a while. *Runs*
 # are independent. This is why `mean ±` in the table counts each run once, and why the verdict adds up
 # evidence with a known number of independent samples.
 
@@ -174,7 +174,7 @@ pd.DataFrame(
 ).round(1)
 
 # %% [markdown]
-# With the same seeds the filter is worse by 7 mm, at 2.6σ. With others one would need some thirty times as
+# With the same seeds the filter is worse by 7 mm, at 2.7σ. With others one would need some thirty times as
 # many runs to see it. Whether 7 mm matter is another question: a result can be certain and small.
 
 # %%

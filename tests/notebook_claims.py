@@ -57,8 +57,8 @@ CLAIMS: dict[str, dict[str, str]] = {
         "Only a factor of 100 makes them alternate a little": (
             "'alternate' in str(run(q_scale=100).innovation_verdict)"
         ),
-        "here a factor of 100 on its variances costs 4 cm": (
-            "abs(position(run(p0_scale=100)) - position(matched) - 0.04) < 0.005"
+        "here a factor of 100 on its variances costs 5 cm": (
+            "abs(position(run(p0_scale=100)) - position(matched) - 0.05) < 0.005"
         ),
         "a factor of 1/100 costs more than a metre": "position(run(p0_scale=0.01)) - position(matched) > 1",
         "it is silent about Q and P₀ that are ten times too large": (
@@ -72,7 +72,7 @@ CLAIMS: dict[str, dict[str, str]] = {
             "all(misses(model, 9) > 50 and misses(model, 18) < 3 for model in MODELS)"
         ),
         "phi computes it from its own attitude": (
-            "table['phi']['NEES, expected 15'] > 2 * table['invariant']['NEES, expected 15']"
+            "table['phi']['NEES, expected 15'] > 1.5 * table['invariant']['NEES, expected 15']"
         ),
         "and soon no linear model holds": (
             "position_rms(corrected('feedforward', 0.3)) > 20 * position_rms(corrected('feedback', 0.3))"
@@ -112,11 +112,11 @@ CLAIMS: dict[str, dict[str, str]] = {
         "The worst run is a fifth worse than the best": (
             "abs(position_rms(matched).max() / position_rms(matched).min() - 1.2) < 0.02"
         ),
-        "So 87 % instead of 95 %": "round(100 * inside[0]) == 87",
+        "So 91 % instead of 95 %": "round(100 * inside[0]) == 91",
         "makes the heading worse by only a third": "abs(mean[-1] / mean[0] - 4 / 3) < 0.02",
-        "With the same seeds the filter is worse by 7 mm, at 2.6σ": (
+        "With the same seeds the filter is worse by 7 mm, at 2.7σ": (
             "round(1e3 * paired.mean()) == 7"
-            " and abs(paired.mean() / (paired.std(ddof=1) / np.sqrt(20)) - 2.6) < 0.05"
+            " and abs(paired.mean() / (paired.std(ddof=1) / np.sqrt(20)) - 2.7) < 0.05"
         ),
         "one would need some thirty times as many runs": (
             "abs((unpaired / (paired.std(ddof=1) / np.sqrt(20))) ** 2 - 30) < 3"
