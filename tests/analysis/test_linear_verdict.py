@@ -148,12 +148,11 @@ def test_a_model_with_which_the_errors_have_the_size_of_sigma_is_named(
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("number", [60, 75, 111])
-def test_many_runs_beyond_the_linear_model_name_one_that_holds(number: int) -> None:
-    """Matched filters of poor accelerometers: with phi, some runs of each are far off."""
-    kind, _, experiment = setting(number)
+def test_many_runs_beyond_the_linear_model_name_one_that_holds() -> None:
+    """A matched filter of poor accelerometers: with phi, some of 300 runs are far off."""
+    kind, _, experiment = setting(60)
     assert kind == MATCHED
-    (finding,) = run_ensemble(experiment, 30).verdict.findings
+    (finding,) = run_ensemble(experiment, range(500_001, 500_301)).verdict.findings
     assert finding.quantity == LINEAR_MODEL
     assert "invariant" in finding.advice
 

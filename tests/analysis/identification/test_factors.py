@@ -112,8 +112,8 @@ def test_a_drive_whose_r_is_wrong_is_predicted_nearly_as_well_as_can_be(recordin
     result = Experiment(mission=str(described(tmp_path / "log", recordings / "comma2k19"))).run()
     found = result.identify()
     assert found.recommended
-    # The best of a grid of factors on R and Q had 0.79 m, from a start where the settings had 1.62 m. Whether a
-    # latency or a gyro noise explains this minute is open: it is 0.77 m with the one, 0.56 m with the other.
+    # The best of a grid of factors on R and Q had 0.79 m, from a start where the settings had 1.62 m. If a
+    # latency explains this minute, it is 0.77 m, and 0.56 m if a gyro noise does.
     assert found.after.position_error < min(0.79, found.before.position_error)
 
 
