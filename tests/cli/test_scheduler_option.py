@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import traceback
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,7 @@ def test_a_scheduler_is_named_by_its_file_or_its_address(tmp_path: Path) -> None
             for name, more in (("ensemble", ()), ("sweep", over), ("outage", ("--seconds", "20")))
         ]
     for answer in (*compared, *ensembles, *sweeps, *outages):
-        assert answer.exit_code == 0, answer.stderr
+        assert answer.exit_code == 0, (answer.stderr, traceback.format_exception(answer.exception))
     rows = [
         json.loads(answer.stdout)[0] | {"seconds": 0} for answer in (*compared, ask(*arguments, "--json"))
     ]

@@ -100,6 +100,16 @@ def test_a_sweep_on_two_processes_is_that_of_threads(two_workers: Client) -> Non
 
 
 @pytest.mark.proof
+def test_a_sweep_whose_first_value_is_done_goes_on_at_the_second(two_workers: Client) -> None:
+    experiment = short(seed=31)
+    (name, values), *_ = OVER.items()
+    kept = experiment.sweep({name: values[:1]}, 3)
+    both = experiment.sweep({name: values[:2]}, 3, client=two_workers)
+    assert both.dataset.isel({name.rpartition(".")[2]: [0]}).identical(kept.dataset)
+    assert both.refused == ()
+
+
+@pytest.mark.proof
 def test_outages_on_two_processes_are_those_of_threads(two_workers: Client) -> None:
     """With and without a perfect filter beside that of the row; what the lab refuses is a row's reason."""
     experiment, told = short(**{"navigator.q_scale": 0.1}), list[tuple[str, float]]()

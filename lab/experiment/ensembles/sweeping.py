@@ -308,7 +308,7 @@ def run_on_cluster(
         [(tuple(share),) for share in shares],
         add,
         tell=done.tell,
-        warming=((blocks[0],),),
+        warming=((blocks[0]._replace(point=0),),),  # the only one there; that of the sweep may be done
         cancelled=cancelled,
     )
     if ended:
