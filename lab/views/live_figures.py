@@ -22,6 +22,7 @@ from lab.views.figures import plain_figure
 from lab.views.legend import add_still_legend
 from lab.views.parcel import Parcel
 from lab.views.quantities import CURSOR, ESTIMATE, FIXES
+from lab.views.rolling_figures import RollingFigures
 from lab.views.rolling_plot import RollingPlot
 
 WINDOWS = {"10 s": 10.0, "20 s": 20.0, "1 min": 60.0, "4 min": 240.0}
@@ -199,7 +200,7 @@ class LiveTrack:
         )
 
 
-class LiveFigures:
+class LiveFigures(RollingFigures):
     """All plots of a stream, over the same rolling time.
 
     Parameters
@@ -214,9 +215,8 @@ class LiveFigures:
     """
 
     def __init__(self, shape: Shape = "aircraft") -> None:
-        self.window = WINDOWS["20 s"]
-        self._parcel = parcel = Parcel()
-        self._range = ages = Range1d(start=self.window, end=0.0, name="live ages")
+        super().__init__(WINDOWS["20 s"], "live ages")
+        ages, parcel = self._range, self._parcel
         self._rate = RollingPlot("Angular rate", "°/s", AXES, ages, parcel, least=0.5)
         self._force = RollingPlot("Specific force", "m/s²", AXES, ages, parcel, least=0.5)
         self._tilt = RollingPlot("Roll and pitch", "°", ANGLES[:2], ages, parcel, least=1.0, group=1)
@@ -240,15 +240,12 @@ class LiveFigures:
             )
         self._track = LiveTrack(parcel, 3)
         self._attitude = AttitudeFigure(parcel, shape)
-        self._all = (
+        self._hold((
             self._rate, self._force, self._tilt, self._heading, self._sigma, self._velocity, self._innovation,
-        )  # fmt: skip
-        self._ages = parcel.number(ages)
+        ))  # fmt: skip
         self._turn = 0
         self._last_heading = np.nan  # [°]
         self._last_step = -np.inf  # of the ground track, 1 / `_TRACK_RATE`
-        parcel.seal()
-        self._rate.source.tags = [parcel.carrier]
         self.figures = [
             self._rate.figure, self._force.figure, self._attitude.figure,
             self._tilt.figure, self._heading.figure, self._sigma.figure,
@@ -257,8 +254,7 @@ class LiveFigures:
 
     def clear(self) -> None:
         """Forget all rows, as for another source; drawn with the next `show`."""
-        for one in self._all:
-            one.clear()
+        super().clear()
         self._track.clear()
         self._attitude.show(None)
         self._last_heading, self._last_step = np.nan, -np.inf
@@ -320,20 +316,8 @@ class LiveFigures:
         self._attitude.show(state.euler, is_relative=bool(relative), title=words)
         of_fix = state.phase in (ALIGNING, ATTITUDE_ONLY)
         self._track.show(state.position, state.position_sigma, words=words, of_fix=of_fix)
-        for one in self._all:
-            one.move(now, self.window)
         self._turn = (self._turn + 1) % _TURNS
-        self._parcel.send(None if whole else (0, 1 + self._turn))
-
-    @property
-    def taken(self) -> bool:
-        """Whether the browser has drawn what was sent last."""
-        return self._parcel.taken
-
-    def widen(self, window: float) -> None:
-        """Show another length of time [s]."""
-        self.window = window
-        self._parcel.set(self._ages, start=window)
+        self.move(now, None if whole else (0, 1 + self._turn))
 
 
 WIDEN = """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 import numpy as np
 from bokeh.models.ranges import Range1d
@@ -65,15 +65,15 @@ class RollingFigures:
         self._drawn[0].source.tags = [self._parcel.carrier]
 
     def clear(self) -> None:
-        """Forget all rows, as for another source; drawn with the next `show`."""
+        """Forget all rows, as for another source; drawn with the next `move`."""
         for plot in self._drawn:
             plot.clear()
 
-    def show(self, now: float) -> None:
-        """Move the window to a time [s], and send what was added."""
+    def move(self, now: float, groups: Container[int] | None = None) -> None:
+        """Move the window to a time [s], and send what was added, of some groups alone if they are given."""
         for plot in self._drawn:
             plot.move(now, self.window)
-        self._parcel.send()
+        self._parcel.send(groups)
 
     @property
     def taken(self) -> bool:
@@ -147,7 +147,7 @@ class LiveAttitudeFigures(RollingFigures):
         self._last = np.full((len(LABELS), 3), np.nan)
 
     def clear(self) -> None:
-        """Forget all rows, as for another source; drawn with the next `show`."""
+        """Forget all rows, as for another source; drawn with the next `move`."""
         self._last[:] = np.nan
         super().clear()
 

@@ -16,7 +16,6 @@ import numpy as np
 
 import lab
 from lab.analysis.consistency import normalised_squares, uncertain
-from lab.analysis.errors import error_state
 from lab.base.arrays import FloatArray
 from lab.experiment.result import Result
 from lab.motion.recordings.flight_csv import write_flight_csv
@@ -25,6 +24,7 @@ from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, GYRO_BIAS, VEL
 from lab.sensors.cards import cards
 from tests.aided_flights import flight, winding_road
+from tests.benchmarks.state_statistics import states_at
 from tests.place_flights import looping
 
 SEEDS, MANY = 24, 100
@@ -44,14 +44,7 @@ def nees(result: Result, states: Sequence[slice], times: Sequence[float] = ()) -
     if times:
         begin = result.fixes.time[used[0]]
         used = used[np.searchsorted(result.fixes.time[used], begin + np.array(times))]
-    x = error_state(
-        solution,
-        solution.fix_sample[used],
-        result.known_truth("errors"),
-        result.true_bias,
-        result.true_scale if solution.scale.size else None,
-        result.true_further() if solution.further.size else None,
-    )
+    x = states_at(result, used)
     P = solution.fix_covariance[used]
     found = []
     for part in states:

@@ -90,11 +90,10 @@ def g_sensitivity(rate: Any, force: Any, E: Any) -> None:
         E[i, i] = force[i]
 
 
-def squares(result: Result) -> tuple[float, float, float, float]:
-    """Return NEES per state, of all and of the further states, and NIS of fixes and other measurements."""
+def states_at(result: Result, used: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the errors of all states (m, n) at some fixes, given by their numbers or a mask."""
     solution = result.solution_arrays
-    used = solution.fix_sample >= 0
-    x = error_state(
+    return error_state(
         solution,
         solution.fix_sample[used],
         result.known_truth("errors"),
@@ -102,6 +101,13 @@ def squares(result: Result) -> tuple[float, float, float, float]:
         result.true_scale if solution.scale.size else None,
         result.true_further() if solution.further.size else None,
     )
+
+
+def squares(result: Result) -> tuple[float, float, float, float]:
+    """Return NEES per state, of all and of the further states, and NIS of fixes and other measurements."""
+    solution = result.solution_arrays
+    used = solution.fix_sample >= 0
+    x = states_at(result, used)
     P = solution.fix_covariance[used]
     further = slice(blocks.CORE, None)
     own = np.nan

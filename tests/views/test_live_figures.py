@@ -119,7 +119,7 @@ def test_a_curve_is_interrupted_where_nothing_was_known(parts: int) -> None:
     figures = LiveErrorFigures(20.0)
     for rows in np.array_split(np.arange(len(time)), parts):
         figures.add(LiveErrors(*(column[rows] for column in whole)), 0.0)
-    figures.show(25.0)
+    figures.move(25.0)
     data = figures.figures[0].renderers[0].data_source.data
     known = np.isfinite(data["error"])
     assert (np.diff(data["time"]) > 0).all()

@@ -117,7 +117,7 @@ class AttitudesPart(PartOfWatched):
         self._figures.add(time - station.zero, self._in_order(euler))
         if self._comparison.known:
             self._grid.visible = True
-        self._figures.show(station.newest - station.zero)
+        self._figures.move(station.newest - station.zero)
 
     def _in_order(self, euler: FloatArray) -> FloatArray:
         """Return attitudes (n, 4, 3) in the order of the curves; without an algorithm, its curve is empty."""

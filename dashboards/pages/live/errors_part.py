@@ -92,7 +92,7 @@ class ErrorsPart(PartOfWatched):
         if told is not None:
             self._cursor, history = told
             self._add(errors_of(history, truth), station.zero)
-        self._figures.show(station.newest - station.zero)
+        self._figures.move(station.newest - station.zero)
 
     def _add(self, errors: LiveErrors, zero: float) -> None:
         if not errors.time.size:
