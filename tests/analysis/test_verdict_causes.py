@@ -160,6 +160,17 @@ def test_products_of_attitude_errors_at_the_start_are_beyond_the_linear_model(se
     assert small.run().verdict.consistent
 
 
+def test_a_model_that_cures_too_little_is_not_named():
+    """As above, but the nonlinear model leaves half of the excess: NEES of 142 where 15 is right."""
+    experiment = Experiment(mission="los_angeles", seed=7)
+    experiment.set("sensors.accelerometer.bias_sigma", 20.0)
+    experiment.set("navigator.attitude_sigma", (2.0, 2.0, 10.0))
+    experiment.set("navigator.alignment", 30.0)
+    verdict = experiment.run().verdict
+    assert verdict.consistent is False
+    assert [finding.quantity for finding in verdict.findings] == ["NEES"]
+
+
 def test_scale_times_bias_is_no_noise_to_a_filter_with_scale_states():
     experiment = Experiment(seed=1)
     experiment.set("navigator.states", 21)
