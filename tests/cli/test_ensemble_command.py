@@ -57,7 +57,8 @@ def test_json_is_that_of_the_ensemble_with_what_the_command_adds() -> None:
     assert added["wanted"] == 2
     assert added["seconds"] > 0
     assert added["out"] is None
-    assert found == json.loads(json.dumps(ensemble.to_dict(ensemble.with_advice_tried())))
+    same = json.loads(json.dumps(ensemble.to_dict(ensemble.with_advice_tried())))
+    assert found | {"made": ""} == same | {"made": ""}
     assert found["changed"]["navigator.filter_rate"] == 20.0
 
 

@@ -71,6 +71,8 @@ class TextLines:
         Bytes before the first line with all columns: what a device says when it starts.
     last : deque of str
         The last lines before the columns are known.
+    is_unrecognised : bool
+        Whether columns were looked for, and none were found.
     """
 
     name = "text"
@@ -95,6 +97,7 @@ class TextLines:
         self._seen = 0
         self.before = 0
         self.last: deque[str] = deque(maxlen=_SEEN)
+        self.is_unrecognised = False
         self._fix = (NAN, NAN, NAN)
         self._part: list[str] = []  # cells of the lines of a sample that have come
         self._line_of = 0  # the line of the sample that is next
@@ -188,6 +191,7 @@ class TextLines:
 
     def _guess(self) -> None:
         found = guess_columns([text for text, _ in self._held], self._said)
+        self.is_unrecognised = found is None
         if found is None:
             return
         self._use(found)

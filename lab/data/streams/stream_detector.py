@@ -84,7 +84,7 @@ class StreamDetector:
     def last_lines(self) -> tuple[str, ...]:
         """The last lines of text in which no columns are recognised; empty for anything else."""
         if isinstance(self.decoder, TextLines):
-            return () if self.decoder.columns is not None else tuple(self.decoder.last)
+            return tuple(self.decoder.last) if self.decoder.is_unrecognised else ()
         if self.decoder is not None or self._tried is None:
             return ()
         return lines_of(b"".join(one.data for one in self._first)[-_LOOKED_AT:])

@@ -10,7 +10,10 @@ from live_streams import capture, decoded, motion
 
 from lab.data.protocols.column_guess import guess_columns
 from lab.data.protocols.column_map import ColumnMap, ColumnMapError
+from lab.data.protocols.number_guess import MIN_LINES
 from lab.data.protocols.text_lines import TextEncoder, TextLines
+from lab.data.streams.stream_detector import StreamDetector
+from lab.data.streams.transport import Chunk
 
 G = 9.80665
 WALK = "csv_gnss_imu_walk_1730_head6000.csv"
@@ -270,6 +273,15 @@ def test_no_columns_are_found_in_other_text():
         ["1,2,3"] * 30,
     ):
         assert guess_columns(lines) is None
+
+
+def test_lines_are_called_unrecognised_only_after_columns_were_looked_for_in_them():
+    detector = StreamDetector(TextLines.name, None, {}, {})
+    lines = [f"D {number % 3} {number % 5} 7" for number in range(MIN_LINES)]
+    detector.accept(Chunk(0.0, stream(*lines[:-1])))
+    assert detector.last_lines == ()
+    detector.accept(Chunk(0.1, stream(lines[-1])))
+    assert detector.last_lines == tuple(lines[-3:])
 
 
 def test_what_is_encoded_is_read_again_to_the_last_bit():
