@@ -190,6 +190,8 @@ def _mapped(
         if len(rows) < MIN_LINES or not guessed:
             return None
         named_ones = columns_by_numbers(rows, remarks)
+        if "rate_x" not in _names(named_ones):
+            return None  # angles and the parts of a quaternion may be as long as 1 g
     found, doubt = with_units(named_ones, rows, remarks)
     try:
         return ColumnMap(tuple(found), separator, prefix, comma, tuple(remarks), texts, doubt)
@@ -297,7 +299,7 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
     for separator in SEPARATORS.values():
         headed = {len(cells) for line in lines if (cells := _heads(line, separator))}
         for comma in (False, True) if separator in ";\t" else (False,):
-            rows, prefixes, counts = [], Counter[str](), Counter[int]()
+            kinds: dict[tuple[str, int], list[list[str]]] = {}
             for line in lines:
                 prefix = _prefix_of(line, separator)
                 cells = cells_of(line[len(prefix) :], separator)
@@ -308,19 +310,14 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
                 if sum(1 for cell in cells if IS_NUMBER.fullmatch(cell)) < AXES:
                     continue
                 if len(cells) in headed or all(_says_little(cell, separator) for cell in cells):
-                    rows.append(cells)
-                    prefixes[prefix] += 1
-                    counts[len(cells)] += 1
-            if not rows:
-                continue
-            count = counts.most_common(1)[0][0]
-            kept = [row for row in rows if len(row) == count]
-            clocks = tuple(all(IS_CLOCK.fullmatch(row[at]) for row in kept) for at in range(count))
-            score = count in headed, len(kept) * count
-            if best is None or score > best_score:
-                values = np.array([[value_of(cell) for cell in row] for row in kept])
-                best = _Shape(separator, prefixes.most_common(1)[0][0], comma, values, clocks)
-                best_score = score
+                    kinds.setdefault((prefix, len(cells)), []).append(cells)
+            for (prefix, count), kept in kinds.items():
+                clocks = tuple(all(IS_CLOCK.fullmatch(row[at]) for row in kept) for at in range(count))
+                score = count in headed, len(kept) * count
+                if best is None or score > best_score:
+                    values = np.array([[value_of(cell) for cell in row] for row in kept])
+                    best = _Shape(separator, prefix, comma, values, clocks)
+                    best_score = score
     return best
 
 

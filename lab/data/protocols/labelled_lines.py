@@ -27,18 +27,26 @@ PERIODS = 3
 LONGEST = 60
 """Most lines of a sample: a sensor_msgs/Imu as ROS 2 prints it has 49."""
 
-_AXIS = re.compile(r"(?i)^([xyz])\d?$")
-_LAST_AXIS = re.compile(r"(?i)[\s_.-]*(?<![a-z])([xyz])\d?$")
+_AXIS = re.compile(r"(?i)^([xyz])(?:\d|_val)?$")
+_LAST_AXIS = re.compile(r"(?i)[\s_.-]*(?<![a-z])([xyz])(?:\d|_val)?$")
 _ENDS = re.compile(r"[,;|\]}\t]+")
-_QUOTES = re.compile(r"[\"'{\[:=]+|->")
+_QUOTES = re.compile(r"<[A-Z]\w*>|[\"'{\[:=]+|->")
 _BRACKETS = re.compile(r"\[\s*([^\d\[\]\s]{1,12})\s*\]")
 _FIRST_WORDS = re.compile(r"\s*(\S+(?: C)?)(.*)", re.DOTALL)
-_SPELLED = {"radians/s": "rad/s", "utesla": "µT"}
+_SPELLED = {"radians/s": "rad/s", "utesla": "µT", "ms/2": "m/s²", "o/s": "°/s"}
 """Units as libraries of sensors print them."""
 _ALIASES = {"accl": "accel", "rotation": "gyro"}
 """Names of the same libraries."""
+_IN_UNIT = re.compile(r"(?i)(.+) in (\S+)$")
+"""A name with its unit in words: ``Rotation in deg/sec``."""
+_PAIRS = re.compile(r"\S+=\S+\s+(?=\S+=$)")
+"""Pairs of words before a name and its sign, as of logfmt: ``level=info ax=``."""
+_STAMPED = re.compile(r"\s*>[^:]*:")
+"""What stands before the two numbers of a line of Teleplot, ``>name:milliseconds:value``."""
+_DEPTH = {**dict.fromkeys("([{", 1), **dict.fromkeys(")]}", -1)}
+"""By how much a bracket is deeper."""
 _BLANKS = re.compile(r"\s+")
-_RULE = re.compile(r"[^\w]*")
+_RULE = re.compile(r"[^\w{}()\[\]]*")
 _FIRST_ONES = ("time", "seconds", "force", "rate")
 """What is in the line that begins a sample where nothing else shows it."""
 
@@ -141,11 +149,16 @@ def _begin(
     places = range(first, first + period)
     strongest = max(begins[at + period] for at in places)
     marked = [at for at in places if strongest and begins[at + period] == strongest]
+    depth = np.cumsum([sum(_DEPTH.get(sign, 0) for sign in "".join(found[at].texts)) for at in places])
+    if not marked and depth[-1] == 0 and depth.any():  # where all brackets are closed
+        marked = [at for at, before in zip(places, np.roll(depth, 1), strict=True) if before == depth.min()]
     # The first line of all may be cut, and looks like no other one.
     if not marked and first > 1 and not np.isin(ids[1:first], ids[first : first + period]).any():
         return first
 
     def rank(at: int) -> int:
+        if "c" in found[at].kinds:
+            return 0
         headings = _headings([found[at]])[0]
         # What stays as it is is no time, such as the t of a temperature.
         steps = (
@@ -164,7 +177,7 @@ def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
     names: list[tuple[str, str]] = []  # the name and the axis
     groups: list[int] = []  # numbers of one name have one unit
     units: dict[int, str] = {}
-    section = title = ""
+    section = title = stamped = ""
     titles: list[str] = []  # the last line without a number
     count = 0
     for line in block:
@@ -179,12 +192,16 @@ def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
                 units.setdefault(groups[-1], unit)
             if at == len(line.kinds):
                 continue
-            label = _name(label)
+            label = _name(_PAIRS.sub("", label))
+            if line.texts[1:2] == (":",) and _STAMPED.fullmatch(line.texts[0]):
+                label, stamped = ("time", label) if at == 0 else (stamped, "")
             if found := _AXIS.match(label):
                 names.append((section, found[1].lower()))
             elif found := _LAST_AXIS.search(label):
                 section, count = label[: found.start()], 0
                 group = max(groups, default=-1) + 1
+                if (worded := _IN_UNIT.match(section)) and (unit := _unit(worded[2])):
+                    section, units[group] = worded[1], unit
                 names.append((section, found[1].lower()))
             elif label:
                 section, count = label, 1
@@ -196,9 +213,8 @@ def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
             groups.append(group)
             titles.append(title)
     # Three numbers behind one name are its axes; the first has the name itself.
-    for place in range(len(names) - 1):
-        name, axis = names[place]
-        if not axis and names[place + 1] == (name, "y") and groups[place] == groups[place + 1]:
+    for place, (name, axis) in enumerate(names):
+        if not axis and groups[place : place + 3] == groups[place : place + 1] * 3:
             names[place] = name, "x"
     in_units = [f"({units[group]})" if group in units else "" for group in groups]
     headings = [
@@ -234,7 +250,7 @@ def _cut(text: str, place: int) -> tuple[str, str]:
 @lru_cache(maxsize=1024)
 def _unit(text: str) -> str:
     """Return the unit that a text is; empty if it is none."""
-    text = text.strip().rstrip(".")
+    text = text.strip(" \t\r\n§").rstrip(".")
     text = _SPELLED.get(text.lower(), text)
     if any(text in units for units in UNITS.values()):
         return text
@@ -243,5 +259,5 @@ def _unit(text: str) -> str:
 
 def _name(text: str) -> str:
     """Return the last name in a text, without signs and quotes."""
-    words = [word for part in _QUOTES.split(text) for word in part.split()]
+    words = [word for part in _QUOTES.split(text.replace("'s", "s")) for word in part.split()]
     return " ".join(words).strip(" .-|/#$>*")

@@ -13,8 +13,9 @@ NO_VALUE = r"(?:[+-]?[nN][aA][nN]|null|NULL|[nN]one|NONE|[nN]/[aA]|[+-]?[iI]nf(?
 """What devices write where they have no number; ``ovf`` is the Arduino's for one that is too large."""
 _DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
 _TIME = r"\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?"
-CLOCK = rf"(?:{_DATE}[T ,]{{1,3}})?{_TIME}(?:Z|[+-]\d{{2}}:?\d{{2}})?"
-"""A time of day, with or without a date before it."""
+_SHORT = r"\d{1,2}:\d{1,2}:\d{1,2}(?:\.\d{1,9})?"
+CLOCK = rf"(?:(?:{_DATE}[T ,]{{1,3}})?{_TIME}|{_DATE}[T ]{_SHORT})(?:Z|[+-]\d{{2}}:?\d{{2}})?"
+"""A time of day, with or without a date before it; behind a date, sketches write it without zeros."""
 ANY = rf"(?:{CLOCK}|{_DATE}|{NUMBER}|{NO_VALUE})"
 """What a cell that is not read holds."""
 
@@ -22,13 +23,13 @@ IS_NUMBER = re.compile(NUMBER)
 IS_VALUE = re.compile(rf"(?:{NUMBER}|{NO_VALUE})?")
 IS_CLOCK = re.compile(CLOCK)
 IS_STAMP = re.compile(rf"{CLOCK}|{_DATE}")
-_PARTS = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?")
+_PARTS = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,:](\d{1,9}))?")
 IS_CELL = re.compile(
     rf"(?<![\w.])(?P<clock>{CLOCK})(?!\w)|(?<![\w.])(?P<date>{_DATE})(?!\w)"
-    rf"|(?<![\w.^])(?P<number>{NUMBER})|(?<![\w.^])(?P<none>{NO_VALUE})(?!\w)"
+    rf"|(?<![\w.^])(?<![A-Za-z]/)(?P<number>{NUMBER})|(?<![\w.^])(?P<none>{NO_VALUE})(?!\w)"
 )
-"""A digit after a letter, such as that of ``X1`` or ``m/s^2``, is part of a text."""
-_COLOUR = re.compile(r"\x1b\[[\d;]*m")
+"""A digit after a letter, such as that of ``X1``, ``m/s^2`` or ``ms/2``, is part of a text."""
+_COLOUR = re.compile(r"\x1b\[[\d;?]*[A-Za-z]")
 
 
 class Cells(NamedTuple):
@@ -77,7 +78,7 @@ def value_of(cell: str) -> float:
 
 
 def without_colours(line: str) -> str:
-    """Return a line without the marks by which terminals colour it, as loggers of the ESP32 write them."""
+    """Return a line without the marks by which terminals colour it or go to its begin."""
     return _COLOUR.sub("", line)
 
 
