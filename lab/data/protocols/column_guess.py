@@ -11,6 +11,8 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,7 @@ import numpy as np
 from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
+from lab.base.parameters.toml_file import read_toml
 from lab.data.files.profile import profile_of
 from lab.data.files.unit_names import UNITS, unit_of
 from lab.data.protocols.column_map import (
@@ -67,12 +70,11 @@ _LARGEST = 1e30
 """Number from which one is damaged; nanoseconds since 1970 are 1.7e18, and squares must not overflow."""
 NOTHING: Mapping[str, str] = {}
 """Nothing is said of columns."""
-_RAZOR = {
-    "#YPRAG=": "-,-,-,force_x[g/256],force_y[g/256],force_z[g/256],rate_x[rad/s],rate_y[rad/s],rate_z[rad/s]",
-    "#YPRAMG=": "-,-,-,force_x[g/256],force_y[g/256],force_z[g/256],-,-,-,"
-    "rate_x[rad/s],rate_y[rad/s],rate_z[rad/s]",
-}
-"""Lines of the Razor AHRS firmware, which its prefix names: yaw, pitch, roll, then what its letters say."""
+_KNOWN = tuple(
+    (re.compile(one["pattern"]), ColumnMap.of(one["map"]), one["whose"])
+    for one in read_toml(Path(__file__).with_name("known_lines.toml"))["lines"]
+)
+"""Lines that their begin shows: a pattern, the map, and whose they are."""
 
 
 def guess_columns(lines: Sequence[str], said: Mapping[str, str] | None = None) -> ColumnMap | None:
@@ -94,12 +96,9 @@ def guess_columns(lines: Sequence[str], said: Mapping[str, str] | None = None) -
     said = {heading: str(Column.of(text)) for heading, text in (said or {}).items()}
     if said:
         return _of_separated(lines, said) or _of_labelled(lines, said)
-    for prefix, columns in _RAZOR.items():
-        count = columns.count(",") + 1
-        if sum(line.startswith(prefix) and line.count(",") == count - 1 for line in lines) >= MIN_LINES:
-            found = ColumnMap.of(columns)
-            remark = f"{prefix} is the Razor AHRS firmware's: accelerations in 1/256 g, rates in rad/s."
-            return ColumnMap(found.columns, ",", prefix, False, (remark,))
+    for pattern, columns, whose in _KNOWN:
+        if sum(pattern.match(line) is not None for line in lines) >= PERIODS:
+            return replace(columns, remarks=(f"{whose}.",))
     return _of_separated(lines) or _of_labelled(lines)
 
 
@@ -113,7 +112,8 @@ def _of_separated(lines: Sequence[str], said: Mapping[str, str] = NOTHING) -> Co
     remarks: list[str] = []
     columns = _profiled(headings, remarks) or named(headings, remarks)
     columns = _as_said(columns, headings, said)
-    return _mapped(columns, shape.rows, shape.clocks, remarks, shape.separator, shape.prefix, shape.comma)
+    form = shape.separator, shape.prefix, shape.comma
+    return _mapped(columns, headings, shape.rows, shape.clocks, remarks, *form)
 
 
 def _of_labelled(lines: Sequence[str], said: Mapping[str, str] = NOTHING) -> ColumnMap | None:
@@ -121,9 +121,8 @@ def _of_labelled(lines: Sequence[str], said: Mapping[str, str] = NOTHING) -> Col
     for sample in labelled_samples(lines):
         remarks: list[str] = []
         columns = _as_said(named(sample.headings, remarks, sample.others), sample.headings, said)
-        found = _mapped(
-            columns, sample.rows, sample.clocks, remarks, texts=sample.texts, guessed=not sample.is_named
-        )
+        numbers = sample.headings, sample.rows, sample.clocks
+        found = _mapped(columns, *numbers, remarks, texts=sample.texts, guessed=not sample.is_named)
         if found is not None:
             return found
     return None
@@ -170,6 +169,7 @@ def _profiled(headings: Sequence[str], remarks: list[str]) -> list[Column] | Non
 
 def _mapped(
     columns: list[Column],
+    headings: Sequence[str],
     rows: FloatArray,
     clocks: Sequence[bool],
     remarks: list[str],
@@ -181,7 +181,7 @@ def _mapped(
 ) -> ColumnMap | None:
     """Return the map of columns that are named, or else of their numbers; None if neither shows an IMU."""
     rows = np.where(np.abs(rows) < _LARGEST, rows, np.nan)
-    named_ones = _complete(_timed(columns, rows, clocks, remarks))
+    named_ones = _complete(_timed(columns, headings, rows, clocks, remarks))
     if len(rows) < MIN_LINES and "time" not in _names(named_ones):
         free = [at for at, column in enumerate(named_ones) if column.quantity == IGNORED]
         if (np.diff(rows[:, free], axis=0) > 0).all(axis=0).any():
@@ -194,7 +194,7 @@ def _mapped(
             return None  # angles and the parts of a quaternion may be as long as 1 g
     found, doubt = with_units(named_ones, rows, remarks)
     try:
-        return ColumnMap(tuple(found), separator, prefix, comma, tuple(remarks), texts, doubt)
+        return ColumnMap(tuple(found), separator, prefix, comma, tuple(dict.fromkeys(remarks)), texts, doubt)
     except ColumnMapError:
         return None
 
@@ -210,7 +210,11 @@ def _complete(columns: Sequence[Column]) -> list[Column]:
 
 
 def _timed(
-    columns: list[Column], rows: FloatArray, clocks: Sequence[bool], remarks: list[str]
+    columns: list[Column],
+    headings: Sequence[str],
+    rows: FloatArray,
+    clocks: Sequence[bool],
+    remarks: list[str],
 ) -> list[Column]:
     """Return the columns with a time that increases; without a heading, it is found by its steps."""
     columns = list(columns)
@@ -228,6 +232,8 @@ def _timed(
     if len(rows) < MIN_LINES:
         return columns
     free = [at for at, column in enumerate(columns) if column.quantity == IGNORED]
+    # What has a name that is none of a time counts, if it increases by one.
+    free = [at for at in free if not headings[at].strip() or (np.diff(rows[:, at]) != 1).any()]
     found = time_column(rows[:, free], remarks) if free else None
     if found is not None:
         columns[free[found[0]]] = Column("time", CLOCK if clocks[free[found[0]]] else found[1])
@@ -299,7 +305,7 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
     for separator in SEPARATORS.values():
         headed = {len(cells) for line in lines if (cells := _heads(line, separator))}
         for comma in (False, True) if separator in ";\t" else (False,):
-            kinds: dict[tuple[str, int], list[list[str]]] = {}
+            kinds: dict[tuple[str, str, int], list[list[str]]] = {}
             for line in lines:
                 prefix = _prefix_of(line, separator)
                 cells = cells_of(line[len(prefix) :], separator)
@@ -310,8 +316,18 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
                 if sum(1 for cell in cells if IS_NUMBER.fullmatch(cell)) < AXES:
                     continue
                 if len(cells) in headed or all(_says_little(cell, separator) for cell in cells):
-                    kinds.setdefault((prefix, len(cells)), []).append(cells)
-            for (prefix, count), kept in kinds.items():
+                    word = "" if IS_VALUE.fullmatch(cells[0]) or IS_STAMP.fullmatch(cells[0]) else cells[0]
+                    kinds.setdefault(
+                        (prefix, word if len(cells) not in headed else "", len(cells)), []
+                    ).append(cells)
+            several = len({word for _, word, _ in kinds}) > 1
+            for (before, word, _), found in kinds.items():
+                # Of lines of several kinds, the first cell is what those of one begin with.
+                is_kind = several and word and len(found[0]) > AXES
+                prefix, kept = (
+                    (f"{word}{separator}", [row[1:] for row in found]) if is_kind else (before, found)
+                )
+                count = len(kept[0])
                 clocks = tuple(all(IS_CLOCK.fullmatch(row[at]) for row in kept) for at in range(count))
                 score = count in headed, len(kept) * count
                 if best is None or score > best_score:

@@ -177,7 +177,7 @@ def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
     names: list[tuple[str, str]] = []  # the name and the axis
     groups: list[int] = []  # numbers of one name have one unit
     units: dict[int, str] = {}
-    section = title = stamped = ""
+    section = title = ""
     titles: list[str] = []  # the last line without a number
     count = 0
     for line in block:
@@ -186,22 +186,16 @@ def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
             section = title = _name(line.texts[0]) or section
             count = 0
             continue
-        for at, text in enumerate(line.texts):
-            unit, label = _cut(text, at)
-            if at and unit:
-                units.setdefault(groups[-1], unit)
+        for at, (unit, label) in enumerate(_labels(line)):
+            if at and not units.get(groups[-1]):
+                units[groups[-1]] = unit
             if at == len(line.kinds):
                 continue
-            label = _name(_PAIRS.sub("", label))
-            if line.texts[1:2] == (":",) and _STAMPED.fullmatch(line.texts[0]):
-                label, stamped = ("time", label) if at == 0 else (stamped, "")
             if found := _AXIS.match(label):
                 names.append((section, found[1].lower()))
             elif found := _LAST_AXIS.search(label):
-                section, count = label[: found.start()], 0
-                group = max(groups, default=-1) + 1
-                if (worded := _IN_UNIT.match(section)) and (unit := _unit(worded[2])):
-                    section, units[group] = worded[1], unit
+                group, count = max(groups, default=-1) + 1, 0
+                section, units[group] = _worded(label[: found.start()])
                 names.append((section, found[1].lower()))
             elif label:
                 section, count = label, 1
@@ -216,7 +210,7 @@ def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
     for place, (name, axis) in enumerate(names):
         if not axis and groups[place : place + 3] == groups[place : place + 1] * 3:
             names[place] = name, "x"
-    in_units = [f"({units[group]})" if group in units else "" for group in groups]
+    in_units = [f"({units[group]})" if units.get(group) else "" for group in groups]
     headings = [
         " ".join(filter(None, (_ALIASES.get(name.lower(), name), axis, unit)))
         for (name, axis), unit in zip(names, in_units, strict=True)
@@ -226,6 +220,22 @@ def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
         for (name, axis), unit, title in zip(names, in_units, titles, strict=True)
     ]
     return headings, others
+
+
+def _labels(line: Cells) -> list[tuple[str, str]]:
+    """Return for each text of a line the unit of the number before it, and the name of that behind it."""
+    cut = [_cut(text, at) for at, text in enumerate(line.texts)]
+    found = [(unit, _name(_PAIRS.sub("", label))) for unit, label in cut]
+    if line.texts[1:2] == (":",) and _STAMPED.fullmatch(line.texts[0]):
+        found[:2] = [("", "time"), ("", found[0][1])]
+    return found
+
+
+def _worded(name: str) -> tuple[str, str]:
+    """Return a name without its unit in words, and the unit; empty without one."""
+    found = _IN_UNIT.match(name)
+    unit = _unit(found[2]) if found else ""
+    return (found[1], unit) if found and unit else (name, "")
 
 
 def _cut(text: str, place: int) -> tuple[str, str]:

@@ -34,6 +34,9 @@ out columns that grow by chance: of those with exponential steps, 99 % pass in e
 of 20 still 75 %."""
 _MOST_DEGREES = 360.0
 """Largest longitude in degrees; receivers of u-blox count its ten-millionth parts."""
+_AT_SEA = 0.1
+"""Larger one of latitude and longitude from which both are in radians if they may be: in degrees they are in
+the sea off Africa. Simulators that begin at 0°, 0° stay nearer to it."""
 FINE = "1e-4 s"
 """Unit of the time that Xsens calls SampleTimeFine; its Movella DOT counts microseconds under this name."""
 GROWS = 0.8
@@ -52,6 +55,10 @@ _STEADY = 0.1
 turned all around. The length of rates that are only noise scatters by 0.42 (Maxwell's distribution)."""
 _FAST = 35.0
 """Angular rate that is not in rad/s: most gyros measure at most 2000 °/s, which are 34.9 rad/s."""
+_FASTEST = 4500.0
+"""Angular rate that is not in °/s: gyros of MEMS measure up to 4000 °/s."""
+_MILLIRADIANS = 50.0
+"""Median length of whole numbers at rest from which rates are likelier in m°/s than in mrad/s: see below."""
 _AT_REST = 0.05
 """Median length of rates at rest from which they are likelier in °/s than in rad/s: biases and noise of MEMS
 gyros are 0.05 to 5 °/s, which are at most 0.09 rad/s, and rarely more than half of that."""
@@ -94,6 +101,7 @@ def _vectors_by_numbers(rows: FloatArray, time: tuple[int, str] | None, remarks:
     if time is not None:
         columns[time[0]] = Column("time", time[1])
     numbers = np.flatnonzero(np.isfinite(rows).mean(axis=0) > GROWS).tolist()
+    numbers = [at for at in numbers if at not in _tags(rows)]
     free = [three for at in range(len(numbers) - 2) if (three := numbers[at : at + 3])[2] == three[0] + 2]
     if time is not None:
         free = [three for three in free if time[0] not in three]
@@ -125,6 +133,20 @@ def _vectors_by_numbers(rows: FloatArray, time: tuple[int, str] | None, remarks:
             f"magnetic: a guess: columns {_numbers(others[1])} are {length:.3g} {unit} long, and steadily."
         )
     return columns
+
+
+def _tags(rows: FloatArray) -> list[int]:
+    """Return the columns that say which sensor the next three are of, such as the 3 and 4 of Android.
+
+    These are different whole numbers that never change, four columns apart.
+    """
+    first = rows[0]
+    fixed = np.flatnonzero((rows == first).all(axis=0) & (first % 1 == 0) & (first > 0)).tolist()
+    for at in fixed:
+        tags = list(range(at, rows.shape[1], AXES + 1))
+        if len(tags) > 1 and set(tags) <= set(fixed) and len({first[tag] for tag in tags}) == len(tags):
+            return tags
+    return []
 
 
 def _scatter(three: FloatArray) -> float:
@@ -234,10 +256,12 @@ def with_units(
         doubt = doubt if len(doubt) > 1 else ()
     if magnetic is not None and "magnetic" not in units:
         units["magnetic"] = (_matched(magnetic, _FIELDS) or ("µT", 0.0))[0]
-    for name in OF_A_FIX[:2]:
-        if name in places and not units.get(name):
-            values = np.abs(rows[:, places[name]])
-            units[name] = "1e-7°" if np.nanmax(values, initial=0.0) > _MOST_DEGREES else "°"
+    place = [name for name in OF_A_FIX[:2] if name in places and not units.get(name)]
+    most = [float(np.nanmax(np.abs(rows[:, places[name]]), initial=0.0)) for name in place]
+    units |= {name: "1e-7°" if one > _MOST_DEGREES else "°" for name, one in zip(place, most, strict=True)}
+    if len(most) == 2 and most[0] <= np.pi / 2 and most[1] <= np.pi and max(most) > _AT_SEA:
+        units |= dict.fromkeys(place, "rad")
+        remarks.append("latitude, longitude: a guess: rad, because in ° they would be in the Gulf of Guinea.")
     whole = [name for name in OF_A_FIX[2:] if name in places and not units.get(name)]
     counts = rows[:, [places[name] for name in whole]]
     if units.get("latitude") == "1e-7°" and (np.isnan(counts) | (counts % 1 == 0)).all():
@@ -261,11 +285,16 @@ def _units_of_rate(rate: FloatArray, force: FloatArray | None, of_force: str) ->
     if counts.isdecimal() and int(counts) in _COUNTS_OF_G:
         units = tuple(f"°/s/{count}" for count in _COUNTS_OF_RATE)
         return units, "the numbers are counts, and this is the default of the MPU-6050"
-    if np.abs(rate[np.isfinite(rate)]).max(initial=0.0) > _FAST:
-        return ("°/s",), "it is too fast for rad/s"
+    length = float(np.nanmedian(np.linalg.norm(rate, axis=1))) if np.isfinite(rate).all(axis=1).any() else 0.0
+    fastest = np.abs(rate[np.isfinite(rate)]).max(initial=0.0)
+    if base == "mg" and (np.nan_to_num(rate) % 1 == 0).all() and (np.nan_to_num(force) % 1 == 0).all():
+        units = ("m°/s", "mrad/s") if length > _MILLIRADIANS else ("mrad/s", "m°/s")
+        return (*units, "°/s"), "force and rate are whole numbers"
+    if fastest > _FAST:
+        unit, slower = ("m°/s", "°/s") if fastest > _FASTEST else ("°/s", "rad/s")
+        return (unit,), f"it is too fast for {slower}"
     if base in ("g", "mg"):
         return ("°/s", "rad/s"), f"the force is in {of_force}"
-    length = float(np.nanmedian(np.linalg.norm(rate, axis=1))) if np.isfinite(rate).all(axis=1).any() else 0.0
     if force is not None and _is_still(force) and length > _AT_REST:
         why = f"the device is still, and {length:.2g} rad/s would be {np.degrees(length):.0f} °/s"
         return ("°/s", "rad/s"), why

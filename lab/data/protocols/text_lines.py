@@ -24,6 +24,7 @@ from lab.data.protocols import text_cells
 from lab.data.protocols.column_guess import guess_columns
 from lab.data.protocols.column_map import CLOCK, IGNORED, OF_A_FIX, READINGS, VECTORS, ColumnMap
 from lab.data.protocols.decoder import Statistics
+from lab.data.protocols.framing import xor8
 from lab.data.protocols.limits import TEXT_LIMITS
 from lab.data.protocols.number_guess import MIN_LINES
 from lab.data.protocols.rows import Rows
@@ -50,6 +51,8 @@ _REMEMBERED = 9
 _WRAPS = {"ms": 2**32, "µs": 2**32, CLOCK: 86_400}
 """Where the counters of microcontrollers start again, and the time of day."""
 _ENDS = re.compile(rb"\r\n|\r|\n")
+_CHECKED = re.compile(r"([!-)+-~ ]*)\*([0-9A-Fa-f]{2})\s*")
+"""A line with the check of NMEA."""
 _PIECE = 2**16  # bytes decoded at once
 
 
@@ -167,6 +170,12 @@ class TextLines:
         text = (line if line.isascii() else as_utf8(line + b"\n")[:-1]).decode("utf-8", "replace")
         if "\x1b" in text:
             text = text_cells.without_colours(text)
+        if text[:1] == "$" and (checked := _CHECKED.fullmatch(text)):
+            if int(checked[2], 16) != xor8(checked[1].encode()[1:]):
+                self.statistics.failed += 1
+                self.statistics.skipped += len(line)
+                return
+            text = checked[1]
         if not self._whole and _begins_with_number(text):
             self.statistics.skipped += len(line)
             return
@@ -205,6 +214,7 @@ class TextLines:
             if any(column.kind == kind for column in columns.columns):
                 columns = columns.in_unit(kind, unit)
         self._patterns = _patterns_of(columns)
+        self._lead = columns.prefix  # what all lines that are read begin with
         self._several, self._comma = len(self._patterns) > 1, columns.decimal_comma
         ends = np.cumsum([one.groups for one in self._patterns])
         used = [at for at, column in enumerate(columns.columns) if column.quantity != IGNORED]
@@ -291,6 +301,8 @@ class TextLines:
             self.statistics.failed += 1
         else:
             self.statistics.unknown += 1
+            if self.statistics.frames and self._lead and not text.lstrip().startswith(self._lead):
+                return  # of another kind, which the device sends besides
         self.statistics.skipped += size
         if not self.statistics.frames:
             self.before += size
