@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from lab.cli.app import CommandError
-from lab.cli.options import AlgorithmFiles, Scheduler, algorithms, cluster_of
+from lab.cli.options import AlgorithmFiles, Scheduler, algorithms, cluster_of, option
 
 EXAMPLES = """\b
 Examples:
@@ -65,31 +65,28 @@ def serve(
     own: AlgorithmFiles = None,
     live: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--live-algorithm",
-            metavar="FILE.py:Name",
-            help="Your own attitude filter, with a method step, beside the streams of the page Live; may be "
+            "FILE.py:Name",
+            "Your own attitude filter, with a method step, beside the streams of the page Live; may be "
             "repeated. The file is executed.",
-            show_default=False,
         ),
     ] = None,
     scheduler: Scheduler = None,
     origin: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--origin",
-            metavar="HOST[:PORT]",
-            help="A further host name of the page, such as that of a proxy; may be repeated.",
-            show_default=False,
+            "HOST[:PORT]",
+            "A further host name of the page, such as that of a proxy; may be repeated.",
         ),
     ] = None,
     proxy: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--proxy",
-            metavar="ADDRESS",
-            help="Address or network of a proxy whose X-Forwarded headers are believed; may be repeated.",
-            show_default=False,
+            "ADDRESS",
+            "Address or network of a proxy whose X-Forwarded headers are believed; may be repeated.",
         ),
     ] = None,
     processes: Annotated[
@@ -111,22 +108,15 @@ def serve(
         ),
     ] = None,
     password_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--password-file",
-            metavar="FILE",
-            help="File whose one line is the password for visitors.",
-            show_default=False,
-        ),
+        Path | None, option("--password-file", "FILE", "File whose one line is the password for visitors.")
     ] = None,
     devices: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--allow-device",
-            metavar="SOURCE",
-            help="A source that the page Live may open, such as serial:/dev/ttyUSB0, or serial:* for all "
+            "SOURCE",
+            "A source that the page Live may open, such as serial:/dev/ttyUSB0, or serial:* for all "
             "serial ports; may be repeated.",
-            show_default=False,
         ),
     ] = None,
     phone: Annotated[
@@ -141,20 +131,18 @@ def serve(
     ] = 5008,
     lessons: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--lessons",
-            metavar="FOLDER",
-            help="A folder with lessons of your own; its files are read again when they change.",
-            show_default=False,
+            "FOLDER",
+            "A folder with lessons of your own; its files are read again when they change.",
         ),
     ] = None,
     homework: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--homework",
-            metavar="FOLDER",
-            help="A folder with keys of homework: this server runs it, so that nothing hidden leaves it.",
-            show_default=False,
+            "FOLDER",
+            "A folder with keys of homework: this server runs it, so that nothing hidden leaves it.",
         ),
     ] = None,
     teacher: Annotated[

@@ -18,9 +18,11 @@ from lab.cli.options import (
     Force,
     SampleRate,
     Units,
+    argument,
     check_out,
     check_rate,
     corrections,
+    option,
 )
 from lab.cli.terminal import table
 
@@ -42,16 +44,12 @@ A log is any file with an IMU that ins-lab import --as log reads; gyros alone ar
 def allan(
     record: Annotated[
         str,
-        typer.Argument(
-            metavar="FILE",
-            help="Log of an IMU at rest, of any format; or a card, by name or .toml file, simulated at rest.",
-            show_default=False,
+        argument(
+            "FILE",
+            "Log of an IMU at rest, of any format; or a card, by name or .toml file, simulated at rest.",
         ),
     ],
-    out: Annotated[
-        Path | None,
-        typer.Option("--card", metavar="OUT.toml", help="Write a card of the log.", show_default=False),
-    ] = None,
+    out: Annotated[Path | None, option("--card", "OUT.toml", "Write a card of the log.")] = None,
     seed: Annotated[
         int,
         typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of the simulation."),

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-import typer
 
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Assignments, Assumed, Card, Config, Mission, Seed, experiment
+from lab.cli.options import AsJson, Assignments, Assumed, Card, Config, Mission, Seed, experiment, option
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -30,10 +29,7 @@ def error_budget(
     assumed: Assumed = True,
     assignments: Assignments = None,
     seed: Seed = None,
-    at: Annotated[
-        float | None,
-        typer.Option("--at", metavar="TIME", help="Time of the budget, in seconds.", show_default="the end"),
-    ] = None,
+    at: Annotated[float | None, option("--at", "TIME", "Time of the budget, in seconds.", "the end")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Show the contribution of each source of error to the errors of a mission's solution."""

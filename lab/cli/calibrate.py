@@ -15,9 +15,11 @@ from lab.cli.options import (
     Config,
     Force,
     Units,
+    argument,
     check_out,
     corrections,
     experiment,
+    option,
 )
 from lab.cli.terminal import table
 
@@ -42,18 +44,10 @@ calibrate = typer.Typer(
     no_args_is_help=True,
 )
 
-Logs = Annotated[
-    list[Path],
-    typer.Argument(metavar="LOG...", help="File of a log, or a mission that is one.", show_default=False),
-]
+Logs = Annotated[list[Path], argument("LOG...", "File of a log, or a mission that is one.")]
 Out = Annotated[
     Path | None,
-    typer.Option(
-        "--out",
-        metavar="FILE.toml",
-        help="Write what gains, for --calibration of import and live, and for log.toml.",
-        show_default=False,
-    ),
+    option("--out", "FILE.toml", "Write what gains, for --calibration of import and live, and for log.toml."),
 ]
 
 
@@ -62,23 +56,13 @@ def imu(
     logs: Logs,
     latitude: Annotated[
         float | None,
-        typer.Option(
-            "--latitude",
-            min=-90,
-            max=90,
-            metavar="DEG",
-            help="Of the place, for gravity.",
-            show_default="of the fixes",
-        ),
+        option("--latitude", "DEG", "Of the place, for gravity.", "of the fixes", min=-90, max=90),
     ] = None,
     units: Units = None,
     columns: Columns = None,
     out: Out = None,
     card: Annotated[
-        Path | None,
-        typer.Option(
-            "--card", metavar="CARD.toml", help="Write a sensor card with these errors.", show_default=False
-        ),
+        Path | None, option("--card", "CARD.toml", "Write a sensor card with these errors.")
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -122,9 +106,7 @@ def magnetometer(
 
 @calibrate.command("mounting", epilog=EXAMPLES)
 def mounting(
-    mission: Annotated[
-        str, typer.Argument(metavar="MISSION", help="Sensor log of a drive on wheels.", show_default=False)
-    ],
+    mission: Annotated[str, argument("MISSION", "Sensor log of a drive on wheels.")],
     config: Config = None,
     assignments: Assignments = None,
     out: Out = None,

@@ -9,7 +9,7 @@ import typer
 from lab.cli.app import Commands, print_json
 from lab.cli.card_table import card_text, cards_text, facts
 from lab.cli.new_card import NEW_EXAMPLES, new_card
-from lab.cli.options import AsJson, Assumed
+from lab.cli.options import AsJson, Assumed, argument
 
 EXAMPLES = """\b
 Examples:
@@ -46,12 +46,7 @@ cards = typer.Typer(
 
 @cards.command("show", epilog=EXAMPLES)
 def list_cards(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[NAME]", help="Card to show in full, by name or .toml file.", show_default=False
-        ),
-    ] = None,
+    name: Annotated[str | None, argument("[NAME]", "Card to show in full, by name or .toml file.")] = None,
     assumed: Assumed = True,
     as_json: AsJson = False,
 ) -> None:

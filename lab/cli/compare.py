@@ -23,6 +23,7 @@ from lab.cli.options import (
     algorithms,
     cluster_of,
     experiment,
+    option,
 )
 from lab.cli.terminal import table
 
@@ -45,13 +46,7 @@ _TITLES = ("model", "position [m]", "velocity [m/s]", "heading [°]", "NEES", "N
 def compare(
     mission: Mission,
     models: Annotated[
-        str | None,
-        typer.Option(
-            "--models",
-            metavar="NAME,...",
-            help="Error models, separated by commas; all by default.",
-            show_default=False,
-        ),
+        str | None, option("--models", "NAME,...", "Error models, separated by commas; all by default.")
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="Runs with each model.")] = 1,
     config: Config = None,

@@ -30,6 +30,7 @@ from lab.cli.options import (
     check_out,
     cluster_of,
     experiment,
+    option,
 )
 from lab.cli.run import verdict_text
 from lab.cli.terminal import table
@@ -78,13 +79,7 @@ def ensemble(
     workers: Workers = None,
     scheduler: Scheduler = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE.nc",
-            help="Write the figures of each run and of each fix as netCDF.",
-            show_default=False,
-        ),
+        Path | None, option("--out", "FILE.nc", "Write the figures of each run and of each fix as netCDF.")
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

@@ -6,10 +6,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lab.cli.app import CommandError, writing
-from lab.cli.options import Force, Mission, check_out
+from lab.cli.options import Force, Mission, check_out, option
 from lab.missions import mission as find_mission
 
 if TYPE_CHECKING:
@@ -31,15 +29,7 @@ attitude and, of a run, their σ."""
 
 def export(
     mission: Mission,
-    to: Annotated[
-        Path,
-        typer.Option(
-            "--to",
-            metavar="FILE",
-            help=f"File to write, ending in {', '.join(ENDINGS)}.",
-            show_default=False,
-        ),
-    ],
+    to: Annotated[Path, option("--to", "FILE", f"File to write, ending in {', '.join(ENDINGS)}.")],
     force: Force = False,
 ) -> None:
     """Write the path of a mission: KML, GPX, a flight csv, or a trajectory for other programs."""

@@ -20,6 +20,7 @@ from lab.cli.options import (
     algorithm,
     check_out,
     experiment,
+    option,
 )
 from lab.views.cards import PLOTS
 
@@ -35,35 +36,20 @@ Fonts are embedded, and curves differ in line style, too, so that they can be to
 
 def figure(
     mission: Mission,
-    to: Annotated[
-        Path,
-        typer.Option(
-            "--to",
-            metavar="FILE",
-            help=f"File to write, ending in {', '.join(ENDINGS)}.",
-            show_default=False,
-        ),
-    ],
+    to: Annotated[Path, option("--to", "FILE", f"File to write, ending in {', '.join(ENDINGS)}.")],
     plot: Annotated[
         str, typer.Option("--plot", metavar="NAME", help=f"What it shows: {', '.join(PLOTS)}.")
     ] = PLOTS[0],
     width: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--width",
-            metavar="LENGTH",
-            help='Such as "88 mm", "8.8 cm", "3.5 in", "252 pt"; 88 mm for one panel, 180 mm for several.',
-            show_default=False,
+            "LENGTH",
+            'Such as "88 mm", "8.8 cm", "3.5 in", "252 pt"; 88 mm for one panel, 180 mm for several.',
         ),
     ] = None,
     height: Annotated[
-        str | None,
-        typer.Option(
-            "--height",
-            metavar="LENGTH",
-            help="Likewise; what the panels need by default.",
-            show_default=False,
-        ),
+        str | None, option("--height", "LENGTH", "Likewise; what the panels need by default.")
     ] = None,
     config: Config = None,
     card: Card = None,

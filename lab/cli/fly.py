@@ -10,7 +10,7 @@ import typer
 
 from lab.cli.app import working
 from lab.cli.interrupt import interrupted
-from lab.cli.options import Force
+from lab.cli.options import Force, argument, option
 from lab.missions import fly_mission
 
 EXAMPLES = """\b
@@ -27,21 +27,14 @@ ENDED_EARLY = 3
 def fly(
     mission: Annotated[
         str,
-        typer.Argument(
-            metavar="MISSION",
-            help="Name of a mission with a plan, its .toml file, or a motion definition of gnss-ins-sim.",
-            show_default=False,
+        argument(
+            "MISSION",
+            "Name of a mission with a plan, its .toml file, or a motion definition of gnss-ins-sim.",
         ),
     ],
-    seed: Annotated[
-        int | None,
-        typer.Option("--seed", metavar="N", help="Seed of the turbulence.", show_default="the plan's own"),
-    ] = None,
+    seed: Annotated[int | None, option("--seed", "N", "Seed of the turbulence.", "the plan's own")] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FOLDER", help="Folder for the mission.", show_default="your own missions"
-        ),
+        Path | None, option("--out", "FOLDER", "Folder for the mission.", "your own missions")
     ] = None,
     force: Force = False,
 ) -> None:

@@ -12,7 +12,7 @@ import typer
 
 from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError, working
-from lab.cli.options import Force, check_out
+from lab.cli.options import Force, argument, check_out, option
 
 if TYPE_CHECKING:
     from lab.classroom.homework.grading import Handed, Row
@@ -28,65 +28,28 @@ Examples:
 
 
 def grade(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="The folder with the hand-ins.", show_default=False)
-    ],
-    key: Annotated[
-        Path, typer.Option("--key", metavar="FILE.key", help="The key of the homework.", show_default=False)
-    ],
+    folder: Annotated[Path, argument("FOLDER", "The folder with the hand-ins.")],
+    key: Annotated[Path, option("--key", "FILE.key", "The key of the homework.")],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE.csv",
-            help="Write the table to a file instead of standard output.",
-            show_default=False,
-        ),
+        Path | None, option("--out", "FILE.csv", "Write the table to a file instead of standard output.")
     ] = None,
     feedback: Annotated[
         Path | None,
-        typer.Option(
-            "--feedback",
-            metavar="FOLDER",
-            help="Write a file for each student, without solutions, into a new folder.",
-            show_default=False,
+        option(
+            "--feedback", "FOLDER", "Write a file for each student, without solutions, into a new folder."
         ),
     ] = None,
     roster: Annotated[
-        Path | None,
-        typer.Option(
-            "--roster",
-            metavar="FILE.csv",
-            help="The students, as Moodle or Canvas exports them.",
-            show_default=False,
-        ),
+        Path | None, option("--roster", "FILE.csv", "The students, as Moodle or Canvas exports them.")
     ] = None,
     moodle: Annotated[
-        Path | None,
-        typer.Option(
-            "--moodle",
-            metavar="FILE.csv",
-            help="Write the points of the roster for Moodle.",
-            show_default=False,
-        ),
+        Path | None, option("--moodle", "FILE.csv", "Write the points of the roster for Moodle.")
     ] = None,
     canvas: Annotated[
-        Path | None,
-        typer.Option(
-            "--canvas",
-            metavar="FILE.csv",
-            help="Write the points of the roster for Canvas.",
-            show_default=False,
-        ),
+        Path | None, option("--canvas", "FILE.csv", "Write the points of the roster for Canvas.")
     ] = None,
     assignment: Annotated[
-        str,
-        typer.Option(
-            "--assignment",
-            metavar="TITLE",
-            help="What Moodle or Canvas calls the homework.",
-            show_default="its title",
-        ),
+        str, option("--assignment", "TITLE", "What Moodle or Canvas calls the homework.", "its title")
     ] = "",
     force: Force = False,
     seconds: Annotated[
@@ -110,9 +73,9 @@ def grade(
     from lab.classroom.homework.grading import grade as rows_of  # noqa: PLC0415 - slow
 
     check_out(out, force, ".csv", "a table", "--out")
-    books = [(path, option) for path, option in ((moodle, "--moodle"), (canvas, "--canvas")) if path]
-    for path, option in books:
-        check_out(path, force, ".csv", "a table", option)
+    books = [(path, name) for path, name in ((moodle, "--moodle"), (canvas, "--canvas")) if path]
+    for path, name in books:
+        check_out(path, force, ".csv", "a table", name)
     if books and roster is None:
         raise CommandError(f"{books[0][1]} needs the students: accepted is it with --roster FILE.csv")
     keyed, files = _read(key, folder, [path for path in (out, roster, moodle, canvas) if path])

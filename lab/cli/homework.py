@@ -11,7 +11,7 @@ import typer
 
 from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError, Commands, print_json, working
-from lab.cli.options import AsJson, Assignments, Config, Force, Seed, check_out
+from lab.cli.options import AsJson, Assignments, Config, Force, Seed, argument, check_out, option
 
 if TYPE_CHECKING:
     from lab.classroom.homework.hidden_experiment import HiddenExperiment
@@ -38,42 +38,28 @@ homework = typer.Typer(
     no_args_is_help=True,
 )
 
-TheHomework = Annotated[
-    Path, typer.Argument(metavar="FILE", help="The homework, a .homework file.", show_default=False)
-]
+TheHomework = Annotated[Path, argument("FILE", "The homework, a .homework file.")]
 
 
-TheKey = Annotated[
-    Path, typer.Argument(metavar="FILE.key", help="The key of the homework.", show_default=False)
-]
+TheKey = Annotated[Path, argument("FILE.key", "The key of the homework.")]
 RosterFile = Annotated[
     Path | None,
-    typer.Option(
-        "--roster",
-        metavar="FILE.csv",
-        help="The students, as Moodle or Canvas exports them, or a csv with a column Name.",
-        show_default=False,
+    option(
+        "--roster", "FILE.csv", "The students, as Moodle or Canvas exports them, or a csv with a column Name."
     ),
 ]
 
 
 @homework.command("make")
 def make(
-    source: Annotated[
-        Path,
-        typer.Argument(metavar="HOMEWORK.toml", help="The homework as you wrote it.", show_default=False),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option("--out", metavar="FILE.homework", help="The file for the students.", show_default=False),
-    ],
+    source: Annotated[Path, argument("HOMEWORK.toml", "The homework as you wrote it.")],
+    out: Annotated[Path, option("--out", "FILE.homework", "The file for the students.")],
     key: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--key",
-            metavar="FILE.key",
-            help="The key, which you keep; by default beside the other file. It is never replaced.",
-            show_default=False,
+            "FILE.key",
+            "The key, which you keep; by default beside the other file. It is never replaced.",
         ),
     ] = None,
     force: Force = False,
@@ -114,15 +100,9 @@ def make(
 @homework.command("variants")
 def variants(
     key: TheKey,
-    out: Annotated[
-        Path,
-        typer.Option("--out", metavar="FOLDER", help="A new folder for the files.", show_default=False),
-    ],
+    out: Annotated[Path, option("--out", "FOLDER", "A new folder for the files.")],
     roster: RosterFile = None,
-    names: Annotated[
-        list[str] | None,
-        typer.Option("--name", metavar="NAME", help="A student; may be repeated.", show_default=False),
-    ] = None,
+    names: Annotated[list[str] | None, option("--name", "NAME", "A student; may be repeated.")] = None,
 ) -> None:
     """Write the homework of each student, with hidden values of their own, and a table of links."""
     from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
@@ -152,7 +132,7 @@ def variants(
 @homework.command("solutions")
 def solutions(
     key: TheKey,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="The sheet.", show_default=False)],
+    out: Annotated[Path, option("--out", "FILE.html", "The sheet.")],
     roster: RosterFile = None,
     force: Force = False,
 ) -> None:
@@ -199,12 +179,7 @@ def run(
     config: Config = None,
     assignments: Assignments = None,
     seed: Seed = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE.nc", help="Write the whole result as netCDF.", show_default=False
-        ),
-    ] = None,
+    out: Annotated[Path | None, option("--out", "FILE.nc", "Write the whole result as netCDF.")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -231,27 +206,15 @@ def run(
 @homework.command("hand-in")
 def hand_in(
     file: TheHomework,
-    name: Annotated[str, typer.Option("--name", metavar="NAME", help="Your name.", show_default=False)],
-    out: Annotated[
-        Path,
-        typer.Option("--out", metavar="FILE.handin", help="The file that you hand in.", show_default=False),
-    ],
+    name: Annotated[str, option("--name", "NAME", "Your name.")],
+    out: Annotated[Path, option("--out", "FILE.handin", "The file that you hand in.")],
     config: Config = None,
     assignments: Assignments = None,
     faults: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fault", metavar="TITLE", help="A fault that is hidden; may be repeated.", show_default=False
-        ),
+        list[str] | None, option("--fault", "TITLE", "A fault that is hidden; may be repeated.")
     ] = None,
     answers: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--answer",
-            metavar="N=ANSWER",
-            help="The answer to question N; may be repeated.",
-            show_default=False,
-        ),
+        list[str] | None, option("--answer", "N=ANSWER", "The answer to question N; may be repeated.")
     ] = None,
     force: Force = False,
 ) -> None:

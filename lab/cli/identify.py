@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, check_out, experiment
+from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, check_out, experiment, option
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -29,18 +27,10 @@ def identify(
     config: Config = None,
     assignments: Assignments = None,
     seed: Seed = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--card", metavar="OUT.toml", help="Write a card of the sensors.", show_default=False),
-    ] = None,
+    out: Annotated[Path | None, option("--card", "OUT.toml", "Write a card of the sensors.")] = None,
     settings: Annotated[
         Path | None,
-        typer.Option(
-            "--settings",
-            metavar="OUT.toml",
-            help="Write all settings, including the identified ones, for --config.",
-            show_default=False,
-        ),
+        option("--settings", "OUT.toml", "Write all settings, including the identified ones, for --config."),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

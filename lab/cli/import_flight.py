@@ -14,7 +14,7 @@ import click
 import typer
 
 from lab.cli.app import CommandError, print_json, working, writing
-from lab.cli.options import AsJson, Columns, Force, Units, corrections
+from lab.cli.options import AsJson, Columns, Force, Units, argument, corrections, option
 
 if TYPE_CHECKING:
     from lab.data.log.sensor_log import SensorLog
@@ -47,10 +47,7 @@ class Kind(StrEnum):
 
 
 def import_flight(
-    files: Annotated[
-        list[Path],
-        typer.Argument(metavar="FILE...", help="The files of one flight.", show_default=False),
-    ],
+    files: Annotated[list[Path], argument("FILE...", "The files of one flight.")],
     name: Annotated[
         str | None,
         typer.Option("--name", help="Name of the mission.", show_default="the file's name"),
@@ -62,13 +59,7 @@ def import_flight(
     ] = False,
     units: Units = None,
     assignments: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="One setting of the import; may be repeated.",
-            show_default=False,
-        ),
+        list[str] | None, option("--set", "NAME=VALUE", "One setting of the import; may be repeated.")
     ] = None,
     kind: Annotated[
         Kind,
@@ -79,11 +70,11 @@ def import_flight(
     columns: Columns = None,
     axes: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--axes",
-            metavar="X,Y,Z",
-            help="With --as log: the axes of the IMU that point forward, right and down, such as y,x,-z.",
-            show_default="found by gravity and motion",
+            "X,Y,Z",
+            "With --as log: the axes of the IMU that point forward, right and down, such as y,x,-z.",
+            "found by gravity and motion",
         ),
     ] = None,
     vehicle: Annotated[
@@ -96,20 +87,18 @@ def import_flight(
     ] = "",
     calibration: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--calibration",
-            metavar="FILE.toml",
-            help="With --as log: constant errors of the device to remove, from ins-lab calibrate.",
-            show_default=False,
+            "FILE.toml",
+            "With --as log: constant errors of the device to remove, from ins-lab calibrate.",
         ),
     ] = None,
     card: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--card",
-            metavar="NAME",
-            help="Card, by name or .toml file, whose noise the report compares with the recording's.",
-            show_default=False,
+            "NAME",
+            "Card, by name or .toml file, whose noise the report compares with the recording's.",
         ),
     ] = None,
     implausible: Annotated[
@@ -117,11 +106,10 @@ def import_flight(
     ] = False,
     save_profile: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--save-profile",
-            metavar="NAME",
-            help="Keep what --column and --unit say, for all csv files with these headings.",
-            show_default=False,
+            "NAME",
+            "Keep what --column and --unit say, for all csv files with these headings.",
         ),
     ] = None,
     force: Force = False,

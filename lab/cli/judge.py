@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lab.cli.app import print_json, working
-from lab.cli.options import AsJson
+from lab.cli.options import AsJson, argument
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -25,12 +25,7 @@ position_sigma east [m], ...; docs/judge.md describes it."""
 
 def judge(
     log: Annotated[
-        Path,
-        typer.Argument(
-            metavar="LOG",
-            help="PX4 ULog, ArduPilot DataFlash log, or a csv of innovations and their σ.",
-            show_default=False,
-        ),
+        Path, argument("LOG", "PX4 ULog, ArduPilot DataFlash log, or a csv of innovations and their σ.")
     ],
     smoother: Annotated[
         bool,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lab.cli.app import CommandError, Commands, print_json, working
-from lab.cli.options import AsJson
+from lab.cli.options import AsJson, argument
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -34,10 +34,7 @@ lesson = typer.Typer(
 
 @lesson.command("list")
 def list_lessons(
-    folder: Annotated[
-        Path | None,
-        typer.Argument(metavar="FOLDER", help="A folder with lessons of your own.", show_default=False),
-    ] = None,
+    folder: Annotated[Path | None, argument("FOLDER", "A folder with lessons of your own.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """List the lessons that ship, and those of a folder."""
@@ -57,9 +54,7 @@ def list_lessons(
 
 @lesson.command("check")
 def check(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The lesson, a .toml file.", show_default=False)
-    ],
+    file: Annotated[Path, argument("FILE", "The lesson, a .toml file.")],
     run: Annotated[
         bool,
         typer.Option("--run", help="Also run each check on its solution and on its wrong settings."),

@@ -34,7 +34,9 @@ from lab.cli.options import (
     SampleRate,
     StreamColumns,
     StreamUnits,
+    argument,
     experiment,
+    option,
     stream_options,
 )
 from lab.cli.raw_file import RawFile
@@ -78,22 +80,12 @@ TEXT = "text"
 _WAKE = 0.1
 """Longest time until Ctrl-C is heeded [s]."""
 
-SourceAddress = Annotated[
-    str, typer.Argument(metavar="SOURCE", help="The source, such as tcp:127.0.0.1:5555.", show_default=False)
-]
+SourceAddress = Annotated[str, argument("SOURCE", "The source, such as tcp:127.0.0.1:5555.")]
 CalibrationFile = Annotated[
     Path | None,
-    typer.Option(
-        "--calibration",
-        metavar="FILE.toml",
-        help="Constant errors of the device to remove, from ins-lab calibrate.",
-        show_default=False,
-    ),
+    option("--calibration", "FILE.toml", "Constant errors of the device to remove, from ins-lab calibrate."),
 ]
-Seconds = Annotated[
-    float | None,
-    typer.Option("--seconds", metavar="S", help="How long.", show_default="until Ctrl-C, or its end"),
-]
+Seconds = Annotated[float | None, option("--seconds", "S", "How long.", "until Ctrl-C, or its end")]
 
 
 @live.command("list")
@@ -165,7 +157,7 @@ def watch(
 @live.command("record", epilog=EXAMPLES)
 def record(
     source: SourceAddress,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the mission.", show_default=False)],
+    name: Annotated[str, argument("NAME", "Name of the mission.")],
     seconds: Seconds = None,
     units: StreamUnits = None,
     columns: StreamColumns = None,
@@ -178,10 +170,7 @@ def record(
         ),
     ] = "0,0,0",
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FOLDER", help="Folder for the mission.", show_default="your own missions"
-        ),
+        Path | None, option("--out", "FOLDER", "Folder for the mission.", "your own missions")
     ] = None,
 ) -> None:
     """Record a source; with an IMU and fixes it becomes a mission.
@@ -237,19 +226,15 @@ def navigate(
     calibration: CalibrationFile = None,
     to: Destinations = None,
     hz: Annotated[
-        float | None,
-        typer.Option(
-            "--hz", metavar="HZ", help="Rows that --to sends per second, 0.1 to 200.", show_default="10"
-        ),
+        float | None, option("--hz", "HZ", "Rows that --to sends per second, 0.1 to 200.", "10")
     ] = None,
     algorithms: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--algorithm",
-            metavar="FILE.py:Name",
-            help="An attitude filter of yours, with a method step, that follows the source beside the "
+            "FILE.py:Name",
+            "An attitude filter of yours, with a method step, that follows the source beside the "
             "navigator; the file is executed; may be repeated.",
-            show_default=False,
         ),
     ] = None,
     as_json: AsJson = False,
@@ -313,19 +298,12 @@ def navigate(
 
 @live.command("simulate", epilog=EXAMPLES)
 def simulate(
-    mission: Annotated[
-        str,
-        typer.Argument(
-            metavar="MISSION", help="A mission; or rest, for a device on a table.", show_default=False
-        ),
-    ],
+    mission: Annotated[str, argument("MISSION", "A mission; or rest, for a device on a table.")],
     device: Annotated[str, typer.Option("--device", metavar="NAME", help="Whose protocol.")] = "vectornav",
     to: Annotated[
         str, typer.Option("--to", metavar="LINK", help="pty, tcp:PORT or udp:ADDRESS:PORT.")
     ] = "tcp:5555",
-    card: Annotated[
-        str, typer.Option("--card", metavar="NAME", help="Sensors of a card.", show_default="default sensors")
-    ] = "",
+    card: Annotated[str, option("--card", "NAME", "Sensors of a card.", "default sensors")] = "",
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="Samples of the IMU per second.")
     ] = 100.0,
@@ -412,7 +390,7 @@ def _calibrated(calibration: Path | None) -> Callable[[Source], None]:
 @contextmanager
 def _opened(
     address: str,
-    options: Mapping[str, str],
+    said: Mapping[str, str],
     prepare: Callable[[Source], None] = lambda source: None,
 ) -> Iterator[tuple[Source, Callable[[float | None], bool]]]:
     """Yield an open source, and a function that waits a moment and returns whether to go on."""
@@ -424,7 +402,7 @@ def _opened(
 
     with working(address):
         try:
-            source = open_source(address, **options)
+            source = open_source(address, **said)
             prepare(source)
         except (RecordingError, TransportError, DecoderError, ColumnMapError) as error:
             raise CommandError(str(error)) from error
@@ -443,7 +421,7 @@ def _opened(
 
         yield source, go_on
         protocol = source.status.protocol
-        if "unit" in options and protocol and protocol != TEXT:
+        if "unit" in said and protocol and protocol != TEXT:
             print(
                 f"ins-lab: --unit had no effect: units are of text lines, and the source sends {protocol}",
                 file=sys.stderr,

@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError
+from lab.cli.options import option
 
 if TYPE_CHECKING:
     from lab.live.live_state import LiveState
@@ -18,12 +17,11 @@ if TYPE_CHECKING:
 
 Destinations = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--to",
-        metavar="PLACE",
-        help="Send the solution: udp:COMPUTER:PORT, tcp:PORT, ws:PORT, pty or mcap:FILE.mcap; may be "
+        "PLACE",
+        "Send the solution: udp:COMPUTER:PORT, tcp:PORT, ws:PORT, pty or mcap:FILE.mcap; may be "
         "repeated. Options follow a question mark: tcp:10110?protocol=nmea&hz=10.",
-        show_default=False,
     ),
 ]
 USUAL_RATE = 10.0

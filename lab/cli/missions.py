@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lab.cli.app import CommandError, print_json
-from lab.cli.options import AsJson
+from lab.cli.options import AsJson, argument
 from lab.cli.terminal import table
 from lab.missions import MissionError, broken_missions, delete_mission, rename_mission
 from lab.missions import missions as find_missions
@@ -18,10 +18,7 @@ from lab.missions import missions as find_missions
 if TYPE_CHECKING:
     from lab.missions import Mission
 
-OwnMission = Annotated[
-    str,
-    typer.Argument(metavar="MISSION", help="Name of a mission of your own.", show_default=False),
-]
+OwnMission = Annotated[str, argument("MISSION", "Name of a mission of your own.")]
 
 
 def list_missions(as_json: AsJson = False) -> None:
@@ -42,7 +39,7 @@ def list_missions(as_json: AsJson = False) -> None:
 
 def rename(
     mission: OwnMission,
-    new: Annotated[str, typer.Argument(metavar="NEW", help="Its new name.", show_default=False)],
+    new: Annotated[str, argument("NEW", "Its new name.")],
 ) -> None:
     """Give a mission of your own another name."""
     print(f"{mission} is now called {rename_mission(mission, new).name}")

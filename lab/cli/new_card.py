@@ -12,7 +12,7 @@ import typer
 from lab.base.parameters.setting_error import SettingError
 from lab.cli.app import CommandError, print_json
 from lab.cli.card_table import card_text, facts, number
-from lab.cli.options import AsJson, Force, check_out
+from lab.cli.options import AsJson, Force, argument, check_out, option
 
 if TYPE_CHECKING:
     from lab.sensors.cards import Card
@@ -31,46 +31,25 @@ Numbers = list[str] | None
 
 
 def new_card(
-    out: Annotated[
-        Path | None, typer.Argument(metavar="[OUT.toml]", help="File to write.", show_default=False)
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option("--name", metavar="NAME", help="Name of the sensor.", show_default=False)
-    ] = None,
-    maker: Annotated[
-        str, typer.Option("--maker", metavar="MAKER", help="Manufacturer.", show_default=False)
-    ] = "",
+    out: Annotated[Path | None, argument("[OUT.toml]", "File to write.")] = None,
+    name: Annotated[str | None, option("--name", "NAME", "Name of the sensor.")] = None,
+    maker: Annotated[str, option("--maker", "MAKER", "Manufacturer.")] = "",
     grade: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--grade",
-            metavar="GRADE",
-            help="consumer, industrial, tactical or navigation: what the sheet lacks is then typical of it; "
+            "GRADE",
+            "consumer, industrial, tactical or navigation: what the sheet lacks is then typical of it; "
             "or own: then it is zero.",
-            show_default=False,
         ),
     ] = None,
-    source: Annotated[
-        str | None,
-        typer.Option("--source", metavar="TEXT", help="Document and revision.", show_default=False),
-    ] = None,
+    source: Annotated[str | None, option("--source", "TEXT", "Document and revision.")] = None,
     gyro: Annotated[
-        Numbers,
-        typer.Option(
-            "--gyro",
-            metavar="WORD=NUMBER UNIT",
-            help="A number of the gyros; may be repeated.",
-            show_default=False,
-        ),
+        Numbers, option("--gyro", "WORD=NUMBER UNIT", "A number of the gyros; may be repeated.")
     ] = None,
     accelerometer: Annotated[
         Numbers,
-        typer.Option(
-            "--accelerometer",
-            metavar="WORD=NUMBER UNIT",
-            help="A number of the accelerometers; may be repeated.",
-            show_default=False,
-        ),
+        option("--accelerometer", "WORD=NUMBER UNIT", "A number of the accelerometers; may be repeated."),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

@@ -10,7 +10,7 @@ import typer
 
 from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError, Commands, print_json
-from lab.cli.options import AsJson, Force
+from lab.cli.options import AsJson, Force, argument
 from lab.cli.terminal import table
 
 EXAMPLES = """\b
@@ -43,10 +43,7 @@ def list_notebooks(as_json: AsJson = False) -> None:
 
 @notebooks.command("copy")
 def copy(
-    folder: Annotated[
-        Path,
-        typer.Argument(metavar="FOLDER", help="Folder to write them into.", show_default=False),
-    ],
+    folder: Annotated[Path, argument("FOLDER", "Folder to write them into.")],
     force: Force = False,
 ) -> None:
     """Write all notebooks into a folder as .ipynb files; files that exist are kept without --force."""

@@ -6,10 +6,8 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Assignments, Config, experiment
+from lab.cli.options import AsJson, Assignments, Config, experiment, option
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -25,22 +23,14 @@ longest rest of the drive is taken. Intervals are 95 % intervals."""
 
 
 def numbers(
-    static: Annotated[
-        Path | None,
-        typer.Option("--static", metavar="FILE", help="Log of the IMU at rest.", show_default=False),
-    ] = None,
-    moving: Annotated[
-        str | None,
-        typer.Option("--moving", metavar="MISSION|FILE", help="Sensor log of a drive.", show_default=False),
-    ] = None,
+    static: Annotated[Path | None, option("--static", "FILE", "Log of the IMU at rest.")] = None,
+    moving: Annotated[str | None, option("--moving", "MISSION|FILE", "Sensor log of a drive.")] = None,
     program: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--for",
-            metavar="PROGRAM",
-            help="Lines for the configuration of kalibr, px4, ardupilot, robot_localization, kf-gins or "
-            "matlab.",
-            show_default=False,
+            "PROGRAM",
+            "Lines for the configuration of kalibr, px4, ardupilot, robot_localization, kf-gins or matlab.",
         ),
     ] = None,
     config: Config = None,

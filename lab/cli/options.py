@@ -21,28 +21,35 @@ if TYPE_CHECKING:
     from lab.experiment.experiment import Experiment
     from lab.navigation.algorithm import Algorithm
 
+
+def option(name: str, form: str, text: str, default: str = "", **limits: Any) -> Any:
+    """Return an option; its help shows no default, or the words for it.
+
+    Parameters
+    ----------
+    name, form
+        As it is written: the option, and what follows it.
+    text
+        What it does.
+    default
+        What happens without it, in words.
+    **limits
+        Further arguments of `typer.Option`, such as ``min``.
+    """
+    return typer.Option(name, metavar=form, help=text, show_default=default or False, **limits)
+
+
+def argument(form: str, text: str) -> Any:
+    """Return an argument; its help shows no default."""
+    return typer.Argument(metavar=form, help=text, show_default=False)
+
+
 Mission = Annotated[
-    str,
-    typer.Argument(
-        metavar="MISSION",
-        help="Name of a mission, its .toml file, a flight csv, or the folder of a log.",
-        show_default=False,
-    ),
+    str, argument("MISSION", "Name of a mission, its .toml file, a flight csv, or the folder of a log.")
 ]
-Config = Annotated[
-    Path | None,
-    typer.Option(
-        "--config", metavar="FILE.toml", help="File with settings; --set overrides them.", show_default=False
-    ),
-]
+Config = Annotated[Path | None, option("--config", "FILE.toml", "File with settings; --set overrides them.")]
 Card = Annotated[
-    str | None,
-    typer.Option(
-        "--card",
-        metavar="NAME",
-        help="Sensors of a card, by name or .toml file; --set overrides them.",
-        show_default=False,
-    ),
+    str | None, option("--card", "NAME", "Sensors of a card, by name or .toml file; --set overrides them.")
 ]
 Assumed = Annotated[
     bool,
@@ -51,25 +58,18 @@ Assumed = Annotated[
         help="Terms without a source in the card: typical of its grade, or off.",
     ),
 ]
-Assignments = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="PATH=VALUE", help="Sets one setting; may be repeated.", show_default=False
-    ),
-]
-Seed = Annotated[
-    int | None, typer.Option("--seed", metavar="N", help="Seed of all random draws.", show_default=False)
-]
+Assignments = Annotated[list[str] | None, option("--set", "PATH=VALUE", "Sets one setting; may be repeated.")]
+Seed = Annotated[int | None, option("--seed", "N", "Seed of all random draws.")]
 _UNIT = "--unit", "COLUMN=UNIT", "Plane_Altitude=ft"
 _STREAM_UNIT = "--unit", "QUANTITY=UNIT", "rate=deg/s"
 _COLUMN = "--column", "HEADING=QUANTITY[UNIT]", "a1=force_x[g]"
 """Options of pairs: name, form, example."""
 
 
-def _pairs(option: tuple[str, str, str], text: str) -> Any:
+def _pairs(kind: tuple[str, str, str], text: str) -> Any:
     """Return an option of pairs, which may be repeated."""
-    name, form, _ = option
-    return typer.Option(name, metavar=form, help=f"{text}; may be repeated.", show_default=False)
+    name, form, _ = kind
+    return option(name, form, f"{text}; may be repeated.")
 
 
 Units = Annotated[list[str] | None, _pairs(_UNIT, "Unit of a column, if the file states none or a wrong one")]
@@ -90,29 +90,17 @@ StreamColumns = Annotated[
 ]
 SampleRate = Annotated[
     float | None,
-    typer.Option(
-        "--rate",
-        metavar="HZ",
-        help="Samples of the IMU per second, where nothing says when they were taken.",
-        show_default=False,
-    ),
+    option("--rate", "HZ", "Samples of the IMU per second, where nothing says when they were taken."),
 ]
 AlgorithmFile = Annotated[
-    str | None,
-    typer.Option(
-        "--algorithm",
-        metavar="FILE.py:Name",
-        help="Your own algorithm; the file is executed.",
-        show_default=False,
-    ),
+    str | None, option("--algorithm", "FILE.py:Name", "Your own algorithm; the file is executed.")
 ]
 AlgorithmFiles = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--algorithm",
-        metavar="FILE.py:Name",
-        help="Your own algorithm beside the models; may be repeated. The file is executed.",
-        show_default=False,
+        "FILE.py:Name",
+        "Your own algorithm beside the models; may be repeated. The file is executed.",
     ),
 ]
 MOST_RUNS = 1_000_000
@@ -121,10 +109,7 @@ Seeds = Annotated[
     int, typer.Option("--seeds", min=1, max=MOST_RUNS, metavar="N", help="Number of runs, from --seed on.")
 ]
 Workers = Annotated[
-    int | None,
-    typer.Option(
-        "--workers", min=1, metavar="N", help="Number of threads.", show_default="one for each processor"
-    ),
+    int | None, option("--workers", "N", "Number of threads.", "one for each processor", min=1)
 ]
 Fast = Annotated[
     bool,
@@ -132,24 +117,18 @@ Fast = Annotated[
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--scheduler",
-        metavar="ADDRESS|FILE",
-        help="Run on a Dask cluster: the address of its scheduler, such as tcp://192.168.1.5:8786, or the "
+        "ADDRESS|FILE",
+        "Run on a Dask cluster: the address of its scheduler, such as tcp://192.168.1.5:8786, or the "
         "file that it wrote.",
-        show_default=False,
     ),
 ]
 Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace existing files.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table; > FILE.json keeps it.")]
 Further = Annotated[
     str | None,
-    typer.Option(
-        "--with",
-        metavar="PART,...",
-        help="What the JSON has besides, and takes longer: budget, identification.",
-        show_default=False,
-    ),
+    option("--with", "PART,...", "What the JSON has besides, and takes longer: budget, identification."),
 ]
 PARTS = ("budget", "identification")
 """What `--with` takes."""
@@ -347,9 +326,9 @@ def stream_options(
     return options if rate is None else options | {"rate": f"{rate:g}"}
 
 
-def _said(option: tuple[str, str, str], texts: Sequence[str] | None) -> dict[str, str]:
+def _said(kind: tuple[str, str, str], texts: Sequence[str] | None) -> dict[str, str]:
     """Return the pairs that an option of pairs was given."""
-    name, form, example = option
+    name, form, example = kind
     found = {}
     for text in texts or []:
         column, sign, said = text.rpartition("=")

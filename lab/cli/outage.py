@@ -24,6 +24,7 @@ from lab.cli.options import (
     check_out,
     cluster_of,
     experiment,
+    option,
 )
 from lab.cli.terminal import table
 from lab.missions import mission as find_mission
@@ -48,22 +49,15 @@ def outage(
     seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="Length of an outage [s].")] = 60.0,
     cards: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--cards",
-            metavar="NAME,...|all",
-            help="Sensor cards, each with the filter that suits it; by default the sensors of the settings.",
-            show_default=False,
+            "NAME,...|all",
+            "Sensor cards, each with the filter that suits it; by default the sensors of the settings.",
         ),
     ] = None,
     seeds: Seeds = 100,
     wish: Annotated[
-        float | None,
-        typer.Option(
-            "--wish",
-            metavar="M",
-            help="Horizontal error that 95 % of the outages shall not exceed [m].",
-            show_default=False,
-        ),
+        float | None, option("--wish", "M", "Horizontal error that 95 % of the outages shall not exceed [m].")
     ] = None,
     exact: Annotated[
         bool,
@@ -74,10 +68,7 @@ def outage(
     config: Config = None,
     assignments: Assignments = None,
     seed: Seed = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE.nc", help="File for the errors of all runs.", show_default=False),
-    ] = None,
+    out: Annotated[Path | None, option("--out", "FILE.nc", "File for the errors of all runs.")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:

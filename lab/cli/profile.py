@@ -10,7 +10,7 @@ import typer
 
 from lab.base.parameters.counted import counted
 from lab.cli.app import Commands, print_json
-from lab.cli.options import AsJson
+from lab.cli.options import AsJson, argument
 from lab.cli.terminal import table
 
 EXAMPLES = """\b
@@ -54,7 +54,7 @@ def list_profiles(as_json: AsJson = False) -> None:
 
 @profile.command("propose")
 def propose(
-    files: Annotated[list[Path], typer.Argument(metavar="CSV...", help="The files.", show_default=False)],
+    files: Annotated[list[Path], argument("CSV...", "The files.")],
     as_json: AsJson = False,
 ) -> None:
     """List what each column of a csv is taken for, with the evidence: the options that say it otherwise."""
@@ -70,11 +70,8 @@ def propose(
 
 @profile.command("check")
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The profile.", show_default=False)],
-    csv: Annotated[
-        Path | None,
-        typer.Argument(metavar="[CSV]", help="A file that should have this profile.", show_default=False),
-    ] = None,
+    file: Annotated[Path, argument("FILE", "The profile.")],
+    csv: Annotated[Path | None, argument("[CSV]", "A file that should have this profile.")] = None,
 ) -> None:
     """Check a profile: quantities, units, other profiles for the same files, and a csv if one is given."""
     from lab.data.files.profile import read_profile  # noqa: PLC0415 - beside what it goes with

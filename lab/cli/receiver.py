@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Force, check_out
+from lab.cli.options import AsJson, Force, argument, check_out, option
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -26,21 +26,14 @@ devices."""
 
 
 def receiver(
-    source: Annotated[
-        str, typer.Argument(metavar="MISSION|FILE", help="Sensor log, or file of fixes.", show_default=False)
-    ],
+    source: Annotated[str, argument("MISSION|FILE", "Sensor log, or file of fixes.")],
     gate: Annotated[
         float,
         typer.Option("--gate", min=0.5, max=0.999999, metavar="P", help="Gate whose reach is stated."),
     ] = 0.999,
     settings: Annotated[
         Path | None,
-        typer.Option(
-            "--settings",
-            metavar="OUT.toml",
-            help="Write all settings with the found sizes, for --config.",
-            show_default=False,
-        ),
+        option("--settings", "OUT.toml", "Write all settings with the found sizes, for --config."),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

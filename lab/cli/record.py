@@ -12,7 +12,7 @@ import typer
 
 from lab.cli.app import CommandError, working
 from lab.cli.interrupt import interrupted
-from lab.cli.options import Force
+from lab.cli.options import Force, argument, option
 from lab.cli.terminal import ProgressLine
 from lab.missions import own_folder
 from lab.missions.mission_name import accepted_name
@@ -34,10 +34,7 @@ _PERIOD = 0.2
 
 
 def record(
-    name: Annotated[
-        str,
-        typer.Argument(metavar="NAME", help="Name of the mission.", show_default=False),
-    ],
+    name: Annotated[str, argument("NAME", "Name of the mission.")],
     host: Annotated[
         str, typer.Option("--host", metavar="HOST", help="Computer that X-Plane runs on.")
     ] = "127.0.0.1",
@@ -45,18 +42,10 @@ def record(
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="Samples per second, at most one per frame.")
     ] = 50.0,
-    seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", metavar="S", help="How long to record.", show_default="until Ctrl-C"),
-    ] = None,
-    title: Annotated[
-        str, typer.Option("--title", metavar="TEXT", help="Title of the mission.", show_default=False)
-    ] = "",
+    seconds: Annotated[float | None, option("--seconds", "S", "How long to record.", "until Ctrl-C")] = None,
+    title: Annotated[str, option("--title", "TEXT", "Title of the mission.")] = "",
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FOLDER", help="Folder for the mission.", show_default="your own missions"
-        ),
+        Path | None, option("--out", "FOLDER", "Folder for the mission.", "your own missions")
     ] = None,
     force: Force = False,
 ) -> None:

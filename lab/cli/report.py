@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from lab.cli.app import CommandError, print_json, working, writing
 from lab.cli.options import (
     AlgorithmFile,
@@ -23,6 +21,7 @@ from lab.cli.options import (
     check_out,
     experiment,
     further_parts,
+    option,
 )
 
 EXAMPLES = """\b
@@ -35,7 +34,7 @@ Examples:
 
 def report(
     mission: Mission,
-    to: Annotated[Path, typer.Option("--to", metavar="FILE.html", help="File to write.", show_default=False)],
+    to: Annotated[Path, option("--to", "FILE.html", "File to write.")],
     config: Config = None,
     card: Card = None,
     assumed: Assumed = True,
@@ -44,11 +43,10 @@ def report(
     own: AlgorithmFile = None,
     note: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--note",
-            metavar="START-END:TEXT",
-            help="Note on a stretch of the flight, or on a moment [s]; more of them with more --note.",
-            show_default=False,
+            "START-END:TEXT",
+            "Note on a stretch of the flight, or on a moment [s]; more of them with more --note.",
         ),
     ] = None,
     force: Force = False,

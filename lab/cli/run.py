@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from lab.cli.app import CommandError, print_json, working, writing
 from lab.cli.export import check_export, write
 from lab.cli.options import (
@@ -25,6 +23,7 @@ from lab.cli.options import (
     check_out,
     experiment,
     further_parts,
+    option,
 )
 from lab.cli.terminal import ProgressLine, table
 from lab.missions import LogMission
@@ -70,49 +69,26 @@ def run(
     seed: Seed = None,
     own: AlgorithmFile = None,
     start: Annotated[
-        float | None,
-        typer.Option(
-            "--from",
-            metavar="SECONDS",
-            help="Start within a log, in the clock of its file.",
-            show_default=False,
-        ),
+        float | None, option("--from", "SECONDS", "Start within a log, in the clock of its file.")
     ] = None,
     end: Annotated[
-        float | None,
-        typer.Option(
-            "--to", metavar="SECONDS", help="End within a log, in the clock of its file.", show_default=False
-        ),
+        float | None, option("--to", "SECONDS", "End within a log, in the clock of its file.")
     ] = None,
     vehicle: Annotated[
-        str | None,
-        typer.Option(
-            "--vehicle", metavar="NAME", help="Vehicle that carried the sensors of a log.", show_default=False
-        ),
+        str | None, option("--vehicle", "NAME", "Vehicle that carried the sensors of a log.")
     ] = None,
     heading: Annotated[
         float | None,
-        typer.Option(
-            "--heading",
-            metavar="DEGREES",
-            help="True heading at the first sample of a log, if it is known.",
-            show_default=False,
-        ),
+        option("--heading", "DEGREES", "True heading at the first sample of a log, if it is known."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE.nc", help="Write the whole result as netCDF.", show_default=False
-        ),
-    ] = None,
+    out: Annotated[Path | None, option("--out", "FILE.nc", "Write the whole result as netCDF.")] = None,
     export: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--export",
-            metavar="FILE",
-            help="Write the paths: .kml for Google Earth, .gpx for maps; or the estimate: .csv as a flight "
+            "FILE",
+            "Write the paths: .kml for Google Earth, .gpx for maps; or the estimate: .csv as a flight "
             "csv, and what ins-lab export lists.",
-            show_default=False,
         ),
     ] = None,
     force: Force = False,
@@ -145,15 +121,15 @@ def report(result: Result, verdict: Verdict) -> str:
     return "\n\n".join((_errors(result), *_remarks(result), verdict_text(verdict)))
 
 
-def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> None:
+def _set_log(chosen: Experiment, of_logs: Mapping[str, float | str | None]) -> None:
     """Apply the options for logs."""
-    given = {option: value for option, value in options.items() if value is not None}
+    given = {name: value for name, value in of_logs.items() if value is not None}
     if given and not isinstance(find_mission(chosen.mission), LogMission):
         raise CommandError(
             f"{', '.join(given)}: only for sensor logs; {chosen.mission} is a simulated flight"
         )
-    for option, value in given.items():
-        chosen.set(_LOG_SETTINGS[option], value)
+    for name, value in given.items():
+        chosen.set(_LOG_SETTINGS[name], value)
 
 
 def write_result(result: Result, out: Path, force: bool) -> None:

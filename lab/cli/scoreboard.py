@@ -10,7 +10,7 @@ import typer
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
 from lab.cli.app import CommandError, print_json, working, writing
-from lab.cli.options import AsJson
+from lab.cli.options import AsJson, argument, option
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -30,27 +30,18 @@ data where they are installed: pip install 'ins-lab[peers]'. docs/scoreboard.md 
 
 
 def scoreboard(
-    name: Annotated[
-        str | None,
-        typer.Argument(metavar="[NAME]", help="Data set; all by default.", show_default=False),
-    ] = None,
+    name: Annotated[str | None, argument("[NAME]", "Data set; all by default.")] = None,
     data: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--data",
-            metavar="FOLDER",
-            help="Folder with a folder of each set, or that of one; without it, kept results are shown.",
-            show_default=False,
+            "FOLDER",
+            "Folder with a folder of each set, or that of one; without it, kept results are shown.",
         ),
     ] = None,
     keep: Annotated[
         Path | None,
-        typer.Option(
-            "--keep",
-            metavar="FILE.json",
-            help="File of results to renew: rows are replaced, and none is removed.",
-            show_default=False,
-        ),
+        option("--keep", "FILE.json", "File of results to renew: rows are replaced, and none is removed."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

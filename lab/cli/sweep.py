@@ -26,9 +26,11 @@ from lab.cli.options import (
     Scheduler,
     Seed,
     Workers,
+    argument,
     check_out,
     cluster_of,
     experiment,
+    option,
     single_mission,
 )
 from lab.cli.terminal import table
@@ -61,31 +63,25 @@ ACCEPTED = "accepted is PATH=A,B,C, PATH=LOW:HIGH:N or PATH=LOW:HIGH:log:N"
 def sweep(
     over: Annotated[
         list[str],
-        typer.Option(
-            "--over",
-            metavar="PATH=VALUES",
-            help="Values of a setting, of `card` or of `mission`; may be repeated.",
-            show_default=False,
-        ),
+        option("--over", "PATH=VALUES", "Values of a setting, of `card` or of `mission`; may be repeated."),
     ],
     mission: Annotated[
         str | None,
-        typer.Argument(
-            metavar="MISSION",
-            help="Name of a mission, its .toml file, a flight csv, or the folder of a log; not needed with "
+        argument(
+            "MISSION",
+            "Name of a mission, its .toml file, a flight csv, or the folder of a log; not needed with "
             "--over mission=NAME,...",
-            show_default=False,
         ),
     ] = None,
     seeds: Annotated[
         int | None,
-        typer.Option(
+        option(
             "--seeds",
+            "N",
+            "Number of runs of each combination, from --seed on.",
+            f"{SEEDS}; 1 of a sensor log",
             min=1,
             max=MOST_RUNS,
-            metavar="N",
-            help="Number of runs of each combination, from --seed on.",
-            show_default=f"{SEEDS}; 1 of a sensor log",
         ),
     ] = None,
     config: Config = None,
@@ -98,11 +94,8 @@ def sweep(
     scheduler: Scheduler = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="Write the figures of each run: as netCDF to FILE.nc, as a table to FILE.csv.",
-            show_default=False,
+        option(
+            "--out", "FILE", "Write the figures of each run: as netCDF to FILE.nc, as a table to FILE.csv."
         ),
     ] = None,
     force: Force = False,
