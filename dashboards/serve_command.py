@@ -15,8 +15,8 @@ from typing import Annotated, Any
 
 import typer
 
-from lab.cli.app import CommandError
-from lab.cli.options import AlgorithmFiles, Scheduler, algorithms, cluster_of, option
+from lab.cli.app import CommandError, option
+from lab.cli.options import AlgorithmFiles, Scheduler, algorithms, cluster_of
 
 EXAMPLES = """\b
 Examples:

@@ -9,21 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lab.base.parameters.setting_error import SettingError
-from lab.cli.app import CommandError, print_json, working
+from lab.cli import options
+from lab.cli.app import CommandError, argument, option, print_json, working
 from lab.cli.card_table import ASSUMED, FOOT, number
-from lab.cli.options import (
-    AsJson,
-    Assumed,
-    Columns,
-    Force,
-    SampleRate,
-    Units,
-    argument,
-    check_out,
-    check_rate,
-    corrections,
-    option,
-)
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -54,25 +42,25 @@ def allan(
         int,
         typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of the simulation."),
     ] = 1,
-    units: Units = None,
-    columns: Columns = None,
-    rate: SampleRate = None,
-    assumed: Assumed = True,
-    force: Force = False,
-    as_json: AsJson = False,
+    units: options.Units = None,
+    columns: options.Columns = None,
+    rate: options.SampleRate = None,
+    assumed: options.Assumed = True,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and test the fit."""
     is_log = (Path(record).is_file() and not record.lower().endswith(".toml")) or record.lower().endswith(
         ".csv"
     )
-    given = corrections(units, columns)
+    given = options.corrections(units, columns)
     if (given or rate is not None) and not is_log:
         raise CommandError("--unit, --column and --rate are for logs")
-    check_rate(rate)
+    options.check_rate(rate)
     if out is not None:
         if not is_log:
             raise CommandError(f"--card {out}: a card is made from a log, and {record} is not one")
-        check_out(out, force, ".toml", "a card", "--card")
+        options.check_out(out, force, ".toml", "a card", "--card")
     with working(record) as progress:
         progress("reading" if is_log else "simulating", 0.0)
         card = None if is_log else _card(record, assumed)

@@ -115,6 +115,48 @@ def _imported(name: str) -> Any:
     return typer.main.get_command(alone)
 
 
+def option(name: str, form: str, text: str, default: str = "", **limits: Any) -> Any:
+    """Return an option; its help shows no default, or the words for it.
+
+    Parameters
+    ----------
+    name, form
+        As it is written: the option, and what follows it.
+    text
+        What it does.
+    default
+        What happens without it, in words.
+    **limits
+        Further arguments of `typer.Option`, such as ``min``.
+    """
+    return typer.Option(name, metavar=form, help=text, show_default=default or False, **limits)
+
+
+def argument(form: str, text: str) -> Any:
+    """Return an argument; its help shows no default."""
+    return typer.Argument(metavar=form, help=text, show_default=False)
+
+
+def group(name: str, commands: type[Commands] = Commands) -> typer.Typer:
+    """Return a command of commands, with the summary of its row in `COMMANDS`; alone, it shows its help.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    commands
+        Its class.
+    """
+    return typer.Typer(
+        name=name,
+        cls=commands,
+        help=COMMANDS[name][1],
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        no_args_is_help=True,
+    )
+
+
 app = typer.Typer(
     name="ins-lab",
     cls=AllCommands,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Assignments, Assumed, Card, Config, Mission, Seed, experiment, option
+from lab.cli.app import CommandError, option, print_json, working
+from lab.cli.options import AsJson, Assignments, Assumed, Card, Config, Mission, Seed, experiment
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:

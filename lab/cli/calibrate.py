@@ -5,22 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from lab.cli.app import CommandError, Commands, print_json, working
-from lab.cli.options import (
-    AsJson,
-    Assignments,
-    Columns,
-    Config,
-    Force,
-    Units,
-    argument,
-    check_out,
-    corrections,
-    experiment,
-    option,
-)
+from lab.cli import options
+from lab.cli.app import CommandError, argument, group, option, print_json, working
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -35,14 +21,7 @@ Examples:
   ins-lab live navigate serial:/dev/ttyUSB0 --calibration sensor.toml
 A file that is there already keeps what it knows of the other sensors."""
 
-calibrate = typer.Typer(
-    name="calibrate",
-    cls=Commands,
-    help="Find constant errors of an IMU, a magnetometer or a mounting from a log, judged on withheld data.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-)
+calibrate = group("calibrate")
 
 Logs = Annotated[list[Path], argument("LOG...", "File of a log, or a mission that is one.")]
 Out = Annotated[
@@ -58,14 +37,14 @@ def imu(
         float | None,
         option("--latitude", "DEG", "Of the place, for gravity.", "of the fixes", min=-90, max=90),
     ] = None,
-    units: Units = None,
-    columns: Columns = None,
+    units: options.Units = None,
+    columns: options.Columns = None,
     out: Out = None,
     card: Annotated[
         Path | None, option("--card", "CARD.toml", "Write a sensor card with these errors.")
     ] = None,
-    force: Force = False,
-    as_json: AsJson = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Find bias, scale factor and misalignment of both triads from rests in many attitudes and turns between.
 
@@ -74,10 +53,10 @@ def imu(
     """
     from lab.experiment.calibration import calibrate_imu, card_of  # noqa: PLC0415 - help does not need it
 
-    check_out(out, True, ".toml", "a calibration", "--out")
-    check_out(card, force, ".toml", "a card", "--card")
+    options.check_out(out, True, ".toml", "a calibration", "--out")
+    options.check_out(card, force, ".toml", "a card", "--card")
     with working(str(logs[0])):
-        found = calibrate_imu(logs, latitude, corrections(units, columns))
+        found = calibrate_imu(logs, latitude, options.corrections(units, columns))
         if card is not None:
             try:
                 _write(card, card_of(found, card.stem).to_toml())
@@ -89,35 +68,35 @@ def imu(
 @calibrate.command("magnetometer", epilog=EXAMPLES)
 def magnetometer(
     logs: Logs,
-    units: Units = None,
-    columns: Columns = None,
+    units: options.Units = None,
+    columns: options.Columns = None,
     out: Out = None,
-    force: Force = False,
-    as_json: AsJson = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Find hard and soft iron from a log in which the device turns in all directions, or once round."""
     from lab.experiment.calibration import calibrate_magnetometer  # noqa: PLC0415 - help does not need it
 
-    check_out(out, True, ".toml", "a calibration", "--out")
+    options.check_out(out, True, ".toml", "a calibration", "--out")
     with working(str(logs[0])):
-        found = calibrate_magnetometer(logs, corrections(units, columns))
+        found = calibrate_magnetometer(logs, options.corrections(units, columns))
     _answer(found, out, force, as_json)
 
 
 @calibrate.command("mounting", epilog=EXAMPLES)
 def mounting(
     mission: Annotated[str, argument("MISSION", "Sensor log of a drive on wheels.")],
-    config: Config = None,
-    assignments: Assignments = None,
+    config: options.Config = None,
+    assignments: options.Assignments = None,
     out: Out = None,
-    force: Force = False,
-    as_json: AsJson = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Find the small angles of the IMU in a vehicle on wheels, so that wheels help instead of harm."""
     from lab.experiment.calibration import applied_to, calibrate_mounting  # noqa: PLC0415 - help does not need it
 
-    check_out(out, True, ".toml", "a calibration", "--out")
-    chosen = experiment(mission, config, None, assignments, None)
+    options.check_out(out, True, ".toml", "a calibration", "--out")
+    chosen = options.experiment(mission, config, None, assignments, None)
     with working(mission) as progress:
         found = calibrate_mounting(chosen, progress)
     _answer(found, out, force, as_json, applied_to(chosen.mission))

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-import typer
-
-from lab.cli.app import Commands, print_json
+from lab.cli.app import Commands, argument, group, print_json
 from lab.cli.card_table import card_text, cards_text, facts
 from lab.cli.new_card import NEW_EXAMPLES, new_card
-from lab.cli.options import AsJson, Assumed, argument
+from lab.cli.options import AsJson, Assumed
 
 EXAMPLES = """\b
 Examples:
@@ -35,13 +33,7 @@ class CardCommands(Commands):
         return list(super().parse_args(ctx, args))
 
 
-cards = typer.Typer(
-    name="cards",
-    cls=CardCommands,
-    help="List the cards of real sensors, show one with its sources, or make one of a data sheet.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-)
+cards = group("cards", CardCommands)
 
 
 @cards.command("show", epilog=EXAMPLES)

@@ -9,22 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lab.cli.app import print_json, working
-from lab.cli.options import (
-    AlgorithmFiles,
-    AsJson,
-    Assignments,
-    Assumed,
-    Card,
-    Config,
-    Mission,
-    Scheduler,
-    Seed,
-    algorithms,
-    cluster_of,
-    experiment,
-    option,
-)
+from lab.cli import options
+from lab.cli.app import option, print_json, working
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -44,27 +30,29 @@ _TITLES = ("model", "position [m]", "velocity [m/s]", "heading [°]", "NEES", "N
 
 
 def compare(
-    mission: Mission,
+    mission: options.Mission,
     models: Annotated[
         str | None, option("--models", "NAME,...", "Error models, separated by commas; all by default.")
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="Runs with each model.")] = 1,
-    config: Config = None,
-    card: Card = None,
-    assumed: Assumed = True,
-    assignments: Assignments = None,
-    seed: Seed = None,
-    own: AlgorithmFiles = None,
-    scheduler: Scheduler = None,
-    as_json: AsJson = False,
+    config: options.Config = None,
+    card: options.Card = None,
+    assumed: options.Assumed = True,
+    assignments: options.Assignments = None,
+    seed: options.Seed = None,
+    own: options.AlgorithmFiles = None,
+    scheduler: options.Scheduler = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Compare error models on the same flights: errors, consistency, time, verdict."""
-    chosen = experiment(mission, config, card, assignments, seed, assumed)
+    chosen = options.experiment(mission, config, card, assignments, seed, assumed)
     from lab.experiment.ensembles import comparison  # noqa: PLC0415 - takes a second
 
     names = None if models is None else [name.strip() for name in models.split(",")]
-    with cluster_of(scheduler) as client, working(chosen.mission) as progress:
-        rows = comparison.compare(chosen, names, seeds, progress, algorithms=algorithms(own), client=client)
+    with options.cluster_of(scheduler) as client, working(chosen.mission) as progress:
+        rows = comparison.compare(
+            chosen, names, seeds, progress, algorithms=options.algorithms(own), client=client
+        )
     if as_json:
         gaps = {"assumed": chosen.sensors.assumed_terms(), "lacking": chosen.sensors.lacking_terms()}
         print_json([{**asdict(row), **gaps} for row in rows])

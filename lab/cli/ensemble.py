@@ -10,28 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import print_json, working, writing
+from lab.cli import options
+from lab.cli.app import option, print_json, working, writing
 from lab.cli.interrupt import STOPPED, interrupted
-from lab.cli.options import (
-    AlgorithmFile,
-    AsJson,
-    Assignments,
-    Assumed,
-    Card,
-    Config,
-    Fast,
-    Force,
-    Mission,
-    Scheduler,
-    Seed,
-    Seeds,
-    Workers,
-    algorithm,
-    check_out,
-    cluster_of,
-    experiment,
-    option,
-)
 from lab.cli.run import verdict_text
 from lab.cli.terminal import table
 
@@ -67,31 +48,31 @@ _COLUMNS = {
 
 
 def ensemble(
-    mission: Mission,
-    seeds: Seeds = 100,
-    config: Config = None,
-    card: Card = None,
-    assumed: Assumed = True,
-    assignments: Assignments = None,
-    seed: Seed = None,
-    own: AlgorithmFile = None,
-    fast: Fast = False,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    mission: options.Mission,
+    seeds: options.Seeds = 100,
+    config: options.Config = None,
+    card: options.Card = None,
+    assumed: options.Assumed = True,
+    assignments: options.Assignments = None,
+    seed: options.Seed = None,
+    own: options.AlgorithmFile = None,
+    fast: options.Fast = False,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
     out: Annotated[
         Path | None, option("--out", "FILE.nc", "Write the figures of each run and of each fix as netCDF.")
     ] = None,
-    force: Force = False,
-    as_json: AsJson = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Navigate a mission with many seeds; show the errors, and whether the filter states them correctly."""
-    check_out(out, force, ".nc", "a netCDF file", "--out")
-    chosen = experiment(mission, config, card, assignments, seed, assumed)
+    options.check_out(out, force, ".nc", "a netCDF file", "--out")
+    chosen = options.experiment(mission, config, card, assignments, seed, assumed)
     from lab.experiment.ensembles.seeds import run_ensemble  # noqa: PLC0415 - takes a second
 
     began = time.monotonic()
     with (
-        cluster_of(scheduler) as client,
+        options.cluster_of(scheduler) as client,
         working(chosen.mission) as progress,
         interrupted() as pressed,
     ):
@@ -100,7 +81,7 @@ def ensemble(
             seeds,
             progress,
             workers=workers,
-            algorithm=algorithm(own),
+            algorithm=options.algorithm(own),
             cancelled=pressed.is_set,
             fast=fast,
             client=client,

@@ -6,8 +6,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from lab.cli.app import CommandError, writing
-from lab.cli.options import Force, Mission, check_out, option
+from lab.cli.app import CommandError, option, writing
+from lab.cli.options import Force, Mission, check_out
 from lab.missions import mission as find_mission
 
 if TYPE_CHECKING:

@@ -7,21 +7,8 @@ from typing import Annotated
 
 import typer
 
-from lab.cli.app import CommandError, working, writing
-from lab.cli.options import (
-    AlgorithmFile,
-    Assignments,
-    Assumed,
-    Card,
-    Config,
-    Force,
-    Mission,
-    Seed,
-    algorithm,
-    check_out,
-    experiment,
-    option,
-)
+from lab.cli import options
+from lab.cli.app import CommandError, option, working, writing
 from lab.views.cards import PLOTS
 
 ENDINGS = (".pdf", ".svg", ".png")
@@ -35,7 +22,7 @@ Fonts are embedded, and curves differ in line style, too, so that they can be to
 
 
 def figure(
-    mission: Mission,
+    mission: options.Mission,
     to: Annotated[Path, option("--to", "FILE", f"File to write, ending in {', '.join(ENDINGS)}.")],
     plot: Annotated[
         str, typer.Option("--plot", metavar="NAME", help=f"What it shows: {', '.join(PLOTS)}.")
@@ -51,16 +38,16 @@ def figure(
     height: Annotated[
         str | None, option("--height", "LENGTH", "Likewise; what the panels need by default.")
     ] = None,
-    config: Config = None,
-    card: Card = None,
-    assumed: Assumed = True,
-    assignments: Assignments = None,
-    seed: Seed = None,
-    own: AlgorithmFile = None,
-    force: Force = False,
+    config: options.Config = None,
+    card: options.Card = None,
+    assumed: options.Assumed = True,
+    assignments: options.Assignments = None,
+    seed: options.Seed = None,
+    own: options.AlgorithmFile = None,
+    force: options.Force = False,
 ) -> None:
     """Write a plot of a run as a figure for print: PDF, SVG or PNG."""
-    check_out(to, force, ENDINGS, "a figure", "--to")
+    options.check_out(to, force, ENDINGS, "a figure", "--to")
     if plot not in PLOTS:
         raise CommandError(f"--plot {plot[:40]}: accepted are {', '.join(PLOTS)}")
     from lab.views.paper_figure import millimetres  # noqa: PLC0415 - help does not need it
@@ -71,9 +58,9 @@ def figure(
                 millimetres(length, option)
     except ValueError as error:
         raise CommandError(str(error)) from error
-    chosen = experiment(mission, config, card, assignments, seed, assumed)
+    chosen = options.experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
-        result = chosen.run(progress, algorithm=algorithm(own))
+        result = chosen.run(progress, algorithm=options.algorithm(own))
         if reason := result.missing_reason(plot):
             raise CommandError(f"--plot {plot}: {reason} Accepted are {', '.join(dir(result.plot))}")
         with writing(to, "--to"):

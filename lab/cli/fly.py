@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from lab.cli.app import working
+from lab.cli.app import argument, option, working
 from lab.cli.interrupt import interrupted
-from lab.cli.options import Force, argument, option
+from lab.cli.options import Force
 from lab.missions import fly_mission
 
 EXAMPLES = """\b

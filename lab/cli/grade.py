@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lab.base.parameters.counted import counted
-from lab.cli.app import CommandError, working
-from lab.cli.options import Force, argument, check_out, option
+from lab.cli.app import CommandError, argument, option, working
+from lab.cli.options import Force, check_out
 
 if TYPE_CHECKING:
     from lab.classroom.homework.grading import Handed, Row

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from lab.base.parameters.counted import counted
-from lab.cli.app import CommandError, Commands, print_json, working
-from lab.cli.options import AsJson, Assignments, Config, Force, Seed, argument, check_out, option
+from lab.cli.app import CommandError, argument, group, option, print_json, working
+from lab.cli.options import AsJson, Assignments, Config, Force, Seed, check_out
 
 if TYPE_CHECKING:
     from lab.classroom.homework.hidden_experiment import HiddenExperiment
@@ -29,14 +27,7 @@ Examples:
   ins-lab grade handed_in --key receiver.key --out grades.csv
   ins-lab serve --homework my_keys"""
 
-homework = typer.Typer(
-    name="homework",
-    cls=Commands,
-    help="Homework with hidden settings: make it, work with it, hand it in.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-)
+homework = group("homework")
 
 TheHomework = Annotated[Path, argument("FILE", "The homework, a .homework file.")]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, check_out, experiment, option
+from lab.cli.app import CommandError, option, print_json, working
+from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, check_out, experiment
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:

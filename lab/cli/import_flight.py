@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 import typer
 
-from lab.cli.app import CommandError, print_json, working, writing
-from lab.cli.options import AsJson, Columns, Force, Units, argument, corrections, option
+from lab.cli.app import CommandError, argument, option, print_json, working, writing
+from lab.cli.options import AsJson, Columns, Force, Units, corrections
 
 if TYPE_CHECKING:
     from lab.data.log.sensor_log import SensorLog

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import print_json, working
-from lab.cli.options import AsJson, argument
+from lab.cli.app import argument, print_json, working
+from lab.cli.options import AsJson
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:

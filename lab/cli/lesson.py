@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lab.cli.app import CommandError, Commands, print_json, working
-from lab.cli.options import AsJson, argument
+from lab.cli.app import CommandError, argument, group, print_json, working
+from lab.cli.options import AsJson
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -22,14 +22,7 @@ Examples:
   ins-lab lesson check --run my_lesson.toml
   ins-lab serve --lessons my_lessons"""
 
-lesson = typer.Typer(
-    name="lesson",
-    cls=Commands,
-    help="Lessons of the page: list them, and check one of your own.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-)
+lesson = group("lesson")
 
 
 @lesson.command("list")

@@ -15,7 +15,8 @@ import typer
 from lab.base.parameters.counted import counted
 from lab.base.parameters.setting_error import SettingError
 from lab.base.plain_data import plain
-from lab.cli.app import CommandError, Commands, print_json, working
+from lab.cli import options
+from lab.cli.app import CommandError, argument, group, option, print_json, working
 from lab.cli.interrupt import interrupted
 from lab.cli.live_solution import (
     SOLUTION_HEAD,
@@ -26,19 +27,6 @@ from lab.cli.live_solution import (
     solution_row,
 )
 from lab.cli.live_status import came, check_came, conclude, source_line, source_row
-from lab.cli.options import (
-    AsJson,
-    Assignments,
-    Card,
-    Config,
-    SampleRate,
-    StreamColumns,
-    StreamUnits,
-    argument,
-    experiment,
-    option,
-    stream_options,
-)
 from lab.cli.raw_file import RawFile
 from lab.cli.terminal import table
 from lab.missions.mission_name import accepted_name
@@ -62,14 +50,7 @@ Examples:
 A source is serial:PORT, udp:PORT, tcp:COMPUTER:PORT, replay:FILE, simulated:MISSION or xplane:COMPUTER.
 Options follow a question mark, with & between: baud=115200, protocol=vectornav, axes=y,x,-z, speed=10."""
 
-live = typer.Typer(
-    name="live",
-    cls=Commands,
-    help="Streams of sensors: find, watch, record, navigate with and simulate them.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-)
+live = group("live")
 
 PERIOD = 1.0
 """Time between two lines of `watch` [s]."""
@@ -89,7 +70,7 @@ Seconds = Annotated[float | None, option("--seconds", "S", "How long.", "until C
 
 
 @live.command("list")
-def list_sources(as_json: AsJson = False) -> None:
+def list_sources(as_json: options.AsJson = False) -> None:
     """List the serial ports of this computer, the protocols, and the forms of sources."""
     from lab.data.protocols.catalogue import DECODERS, ENCODERS  # noqa: PLC0415 - help does not need it
     from lab.data.streams.address import FORMS  # noqa: PLC0415 - help does not need it
@@ -123,15 +104,16 @@ def list_sources(as_json: AsJson = False) -> None:
 def watch(
     source: SourceAddress,
     seconds: Seconds = None,
-    units: StreamUnits = None,
-    columns: StreamColumns = None,
-    rate: SampleRate = None,
+    units: options.StreamUnits = None,
+    columns: options.StreamColumns = None,
+    rate: options.SampleRate = None,
     calibration: CalibrationFile = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Show what a source sends: a line a second; with --json one object a line."""
     _check_seconds(seconds)
-    with _opened(source, stream_options(units, columns, rate), _calibrated(calibration)) as (opened, go_on):
+    said = options.stream_options(units, columns, rate)
+    with _opened(source, said, _calibrated(calibration)) as (opened, go_on):
         if not as_json:
             print(
                 "TIME [s]  RATE [Hz]  FIXES  RATE x, y, z [deg/s]         FORCE x, y, z [m/s^2]        STATE"
@@ -159,9 +141,9 @@ def record(
     source: SourceAddress,
     name: Annotated[str, argument("NAME", "Name of the mission.")],
     seconds: Seconds = None,
-    units: StreamUnits = None,
-    columns: StreamColumns = None,
-    rate: SampleRate = None,
+    units: options.StreamUnits = None,
+    columns: options.StreamColumns = None,
+    rate: options.SampleRate = None,
     title: Annotated[str, typer.Option("--title", metavar="TEXT", show_default=False)] = "",
     lever_arm: Annotated[
         str,
@@ -186,7 +168,7 @@ def record(
         raise CommandError(f"{folder / name} exists; accepted is a new name")
     raw = RawFile(folder, name)
     path = raw.path
-    with _opened(source, stream_options(units, columns, rate), raw.begin) as (opened, go_on):
+    with _opened(source, options.stream_options(units, columns, rate), raw.begin) as (opened, go_on):
         while go_on(seconds):
             warning = opened.status.warning
             if warning:
@@ -217,12 +199,12 @@ def record(
 def navigate(
     source: SourceAddress,
     seconds: Seconds = None,
-    units: StreamUnits = None,
-    columns: StreamColumns = None,
-    rate: SampleRate = None,
-    config: Config = None,
-    card: Card = None,
-    assignments: Assignments = None,
+    units: options.StreamUnits = None,
+    columns: options.StreamColumns = None,
+    rate: options.SampleRate = None,
+    config: options.Config = None,
+    card: options.Card = None,
+    assignments: options.Assignments = None,
     calibration: CalibrationFile = None,
     to: Destinations = None,
     hz: Annotated[
@@ -237,7 +219,7 @@ def navigate(
             "navigator; the file is executed; may be repeated.",
         ),
     ] = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Navigate with a source as it comes: a line a second; with --json one object a line.
 
@@ -249,10 +231,10 @@ def navigate(
     from lab.live.station import Station  # noqa: PLC0415 - help does not need it
 
     _check_seconds(seconds)
-    chosen = experiment(_ANY, config, card, assignments, None)
-    options = stream_options(units, columns, rate)
+    chosen = options.experiment(_ANY, config, card, assignments, None)
+    said = options.stream_options(units, columns, rate)
     with (
-        _opened(source, options, _calibrated(calibration)) as (opened, go_on),
+        _opened(source, said, _calibrated(calibration)) as (opened, go_on),
         publishing(to or (), hz) as publisher,
     ):
         try:
@@ -315,7 +297,7 @@ def simulate(
     jitter: Annotated[float, typer.Option("--jitter", metavar="MS", help="Mean delay of the sending.")] = 0.0,
     drift: Annotated[float, typer.Option("--drift", metavar="PPM", help="Error of its clock.")] = 0.0,
     axes: Annotated[str, typer.Option("--axes", metavar="AXES", help="How it is mounted: y,x,-z.")] = "x,y,z",
-    assignments: Assignments = None,
+    assignments: options.Assignments = None,
 ) -> None:
     """Send a mission as a device would, in real time, until it ends or Ctrl-C is pressed.
 

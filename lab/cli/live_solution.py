@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
 from lab.base.parameters.counted import counted
-from lab.cli.app import CommandError
-from lab.cli.options import option
+from lab.cli.app import CommandError, option
 
 if TYPE_CHECKING:
     from lab.live.live_state import LiveState

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import CommandError, print_json
-from lab.cli.options import AsJson, argument
+from lab.cli.app import CommandError, argument, print_json
+from lab.cli.options import AsJson
 from lab.cli.terminal import table
 from lab.missions import MissionError, broken_missions, delete_mission, rename_mission
 from lab.missions import missions as find_missions

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lab.base.parameters.setting_error import SettingError
-from lab.cli.app import CommandError, print_json
+from lab.cli.app import CommandError, argument, option, print_json
 from lab.cli.card_table import card_text, facts, number
-from lab.cli.options import AsJson, Force, argument, check_out, option
+from lab.cli.options import AsJson, Force, check_out
 
 if TYPE_CHECKING:
     from lab.sensors.cards import Card

@@ -6,11 +6,9 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from lab.base.parameters.counted import counted
-from lab.cli.app import CommandError, Commands, print_json
-from lab.cli.options import AsJson, Force, argument
+from lab.cli.app import CommandError, argument, group, print_json
+from lab.cli.options import AsJson, Force
 from lab.cli.terminal import table
 
 EXAMPLES = """\b
@@ -19,14 +17,7 @@ Examples:
   ins-lab notebooks copy my_notebooks
   jupyter lab my_notebooks"""
 
-notebooks = typer.Typer(
-    name="notebooks",
-    cls=Commands,
-    help="The lessons for Jupyter: list them, and copy them into a folder.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-)
+notebooks = group("notebooks")
 
 
 @notebooks.command("list")

@@ -6,8 +6,8 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Assignments, Config, experiment, option
+from lab.cli.app import CommandError, option, print_json, working
+from lab.cli.options import AsJson, Assignments, Config, experiment
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:

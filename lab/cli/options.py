@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import CommandError
+from lab.cli.app import CommandError, argument, option
 from lab.missions import mission as find_mission
 from lab.missions import missions as find_missions
 from lab.missions.log_mission import is_log_folder
@@ -20,29 +20,6 @@ if TYPE_CHECKING:
 
     from lab.experiment.experiment import Experiment
     from lab.navigation.algorithm import Algorithm
-
-
-def option(name: str, form: str, text: str, default: str = "", **limits: Any) -> Any:
-    """Return an option; its help shows no default, or the words for it.
-
-    Parameters
-    ----------
-    name, form
-        As it is written: the option, and what follows it.
-    text
-        What it does.
-    default
-        What happens without it, in words.
-    **limits
-        Further arguments of `typer.Option`, such as ``min``.
-    """
-    return typer.Option(name, metavar=form, help=text, show_default=default or False, **limits)
-
-
-def argument(form: str, text: str) -> Any:
-    """Return an argument; its help shows no default."""
-    return typer.Argument(metavar=form, help=text, show_default=False)
-
 
 Mission = Annotated[
     str, argument("MISSION", "Name of a mission, its .toml file, a flight csv, or the folder of a log.")

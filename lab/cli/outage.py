@@ -9,23 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import print_json, working, writing
+from lab.cli import options
+from lab.cli.app import option, print_json, working, writing
 from lab.cli.interrupt import STOPPED, interrupted
-from lab.cli.options import (
-    AsJson,
-    Assignments,
-    Config,
-    Force,
-    Mission,
-    Scheduler,
-    Seed,
-    Seeds,
-    Workers,
-    check_out,
-    cluster_of,
-    experiment,
-    option,
-)
 from lab.cli.terminal import table
 from lab.missions import mission as find_mission
 
@@ -45,7 +31,7 @@ as long, in three turns. Ctrl-C shows the runs that are done."""
 
 
 def outage(
-    mission: Mission,
+    mission: options.Mission,
     seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="Length of an outage [s].")] = 60.0,
     cards: Annotated[
         str | None,
@@ -55,7 +41,7 @@ def outage(
             "Sensor cards, each with the filter that suits it; by default the sensors of the settings.",
         ),
     ] = None,
-    seeds: Seeds = 100,
+    seeds: options.Seeds = 100,
     wish: Annotated[
         float | None, option("--wish", "M", "Horizontal error that 95 % of the outages shall not exceed [m].")
     ] = None,
@@ -63,21 +49,25 @@ def outage(
         bool,
         typer.Option("--exact", help="Propagate the covariance at each IMU sample, not 20 times a second."),
     ] = False,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    config: Config = None,
-    assignments: Assignments = None,
-    seed: Seed = None,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+    config: options.Config = None,
+    assignments: options.Assignments = None,
+    seed: options.Seed = None,
     out: Annotated[Path | None, option("--out", "FILE.nc", "File for the errors of all runs.")] = None,
-    force: Force = False,
-    as_json: AsJson = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Show which error a time without GPS leaves, sensor by sensor, with its own interval."""
-    check_out(out, force, ".nc", "a netCDF file", "--out")
-    chosen = experiment(mission, config, None, assignments, seed)
+    options.check_out(out, force, ".nc", "a netCDF file", "--out")
+    chosen = options.experiment(mission, config, None, assignments, seed)
     names = cards if cards in (None, "all") else [name.strip() for name in str(cards).split(",")]
 
-    with cluster_of(scheduler) as client, working(chosen.mission) as progress, interrupted() as pressed:
+    with (
+        options.cluster_of(scheduler) as client,
+        working(chosen.mission) as progress,
+        interrupted() as pressed,
+    ):
         found = chosen.outage(
             seconds,
             names,

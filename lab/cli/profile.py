@@ -6,11 +6,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from lab.base.parameters.counted import counted
-from lab.cli.app import Commands, print_json
-from lab.cli.options import AsJson, argument
+from lab.cli.app import argument, group, print_json
+from lab.cli.options import AsJson
 from lab.cli.terminal import table
 
 EXAMPLES = """\b
@@ -23,14 +21,7 @@ Examples:
 A profile names the columns of a csv, as --column does. Files in the folder that the list names are used
 for every csv that has their headings."""
 
-profile = typer.Typer(
-    name="profile",
-    cls=Commands,
-    help="What the columns of a maker's csv are: list the profiles, propose one, and check one.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-)
+profile = group("profile")
 
 
 @profile.command("list")

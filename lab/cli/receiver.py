@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Force, argument, check_out, option
+from lab.cli.app import CommandError, argument, option, print_json, working
+from lab.cli.options import AsJson, Force, check_out
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:

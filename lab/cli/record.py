@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lab.cli.app import CommandError, working
+from lab.cli.app import CommandError, argument, option, working
 from lab.cli.interrupt import interrupted
-from lab.cli.options import Force, argument, option
+from lab.cli.options import Force
 from lab.cli.terminal import ProgressLine
 from lab.missions import own_folder
 from lab.missions.mission_name import accepted_name

@@ -5,24 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from lab.cli.app import CommandError, print_json, working, writing
-from lab.cli.options import (
-    AlgorithmFile,
-    AsJson,
-    Assignments,
-    Assumed,
-    Card,
-    Config,
-    Force,
-    Further,
-    Mission,
-    Seed,
-    algorithm,
-    check_out,
-    experiment,
-    further_parts,
-    option,
-)
+from lab.cli import options
+from lab.cli.app import CommandError, option, print_json, working, writing
 
 EXAMPLES = """\b
 Examples:
@@ -33,14 +17,14 @@ Examples:
 
 
 def report(
-    mission: Mission,
+    mission: options.Mission,
     to: Annotated[Path, option("--to", "FILE.html", "File to write.")],
-    config: Config = None,
-    card: Card = None,
-    assumed: Assumed = True,
-    assignments: Assignments = None,
-    seed: Seed = None,
-    own: AlgorithmFile = None,
+    config: options.Config = None,
+    card: options.Card = None,
+    assumed: options.Assumed = True,
+    assignments: options.Assignments = None,
+    seed: options.Seed = None,
+    own: options.AlgorithmFile = None,
     note: Annotated[
         list[str] | None,
         option(
@@ -49,19 +33,19 @@ def report(
             "Note on a stretch of the flight, or on a moment [s]; more of them with more --note.",
         ),
     ] = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    further: Further = None,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+    further: options.Further = None,
 ) -> None:
     """Write a run as one HTML file: verdict, plots, tables, and what repeats it."""
     from lab.cli.run import json_facts  # noqa: PLC0415 - help does not need it
 
-    more = further_parts(further, as_json)
-    check_out(to, force, ".html", "an HTML file", "--to")
+    more = options.further_parts(further, as_json)
+    options.check_out(to, force, ".html", "an HTML file", "--to")
     notes = [_note(text) for text in note or ()]
-    chosen = experiment(mission, config, card, assignments, seed, assumed)
+    chosen = options.experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
-        result = chosen.run(progress, algorithm=algorithm(own))
+        result = chosen.run(progress, algorithm=options.algorithm(own))
         with writing(to, "--to"):
             result.report(to, overwrite=force, notes=notes)
         if as_json:

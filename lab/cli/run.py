@@ -6,25 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from lab.cli.app import CommandError, print_json, working, writing
+from lab.cli import options
+from lab.cli.app import CommandError, option, print_json, working, writing
 from lab.cli.export import check_export, write
-from lab.cli.options import (
-    AlgorithmFile,
-    AsJson,
-    Assignments,
-    Assumed,
-    Card,
-    Config,
-    Force,
-    Further,
-    Mission,
-    Seed,
-    algorithm,
-    check_out,
-    experiment,
-    further_parts,
-    option,
-)
 from lab.cli.terminal import ProgressLine, table
 from lab.missions import LogMission
 from lab.missions import mission as find_mission
@@ -61,13 +45,13 @@ _LOG_SETTINGS = {
 
 
 def run(
-    mission: Mission,
-    config: Config = None,
-    card: Card = None,
-    assumed: Assumed = True,
-    assignments: Assignments = None,
-    seed: Seed = None,
-    own: AlgorithmFile = None,
+    mission: options.Mission,
+    config: options.Config = None,
+    card: options.Card = None,
+    assumed: options.Assumed = True,
+    assignments: options.Assignments = None,
+    seed: options.Seed = None,
+    own: options.AlgorithmFile = None,
     start: Annotated[
         float | None, option("--from", "SECONDS", "Start within a log, in the clock of its file.")
     ] = None,
@@ -91,18 +75,18 @@ def run(
             "csv, and what ins-lab export lists.",
         ),
     ] = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    further: Further = None,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+    further: options.Further = None,
 ) -> None:
     """Navigate a mission; show the errors, and whether the filter states them correctly."""
-    more = further_parts(further, as_json)
-    check_out(out, force, ".nc", "a netCDF file", "--out")
+    more = options.further_parts(further, as_json)
+    options.check_out(out, force, ".nc", "a netCDF file", "--out")
     check_export(export, force, "--export")
-    chosen = experiment(mission, config, card, assignments, seed, assumed)
+    chosen = options.experiment(mission, config, card, assignments, seed, assumed)
     _set_log(chosen, {"--from": start, "--to": end, "--vehicle": vehicle, "--heading": heading})
     with working(chosen.mission) as progress:
-        result = chosen.run(progress, algorithm=algorithm(own))
+        result = chosen.run(progress, algorithm=options.algorithm(own))
         if out is not None:
             write_result(result, out, force)
         if export is not None:

@@ -9,8 +9,8 @@ import typer
 
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
-from lab.cli.app import CommandError, print_json, working, writing
-from lab.cli.options import AsJson, argument, option
+from lab.cli.app import CommandError, argument, option, print_json, working, writing
+from lab.cli.options import AsJson
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:

@@ -11,28 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lab.cli.app import CommandError, print_json, working, writing
+from lab.cli import options
+from lab.cli.app import CommandError, argument, option, print_json, working, writing
 from lab.cli.ensemble import beside, shown
 from lab.cli.interrupt import STOPPED, interrupted
-from lab.cli.options import (
-    MOST_RUNS,
-    AsJson,
-    Assignments,
-    Assumed,
-    Card,
-    Config,
-    Fast,
-    Force,
-    Scheduler,
-    Seed,
-    Workers,
-    argument,
-    check_out,
-    cluster_of,
-    experiment,
-    option,
-    single_mission,
-)
 from lab.cli.terminal import table
 from lab.missions import LogMission
 from lab.missions import mission as find_mission
@@ -81,38 +63,38 @@ def sweep(
             "Number of runs of each combination, from --seed on.",
             f"{SEEDS}; 1 of a sensor log",
             min=1,
-            max=MOST_RUNS,
+            max=options.MOST_RUNS,
         ),
     ] = None,
-    config: Config = None,
-    card: Card = None,
-    assumed: Assumed = True,
-    assignments: Assignments = None,
-    seed: Seed = None,
-    fast: Fast = False,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    config: options.Config = None,
+    card: options.Card = None,
+    assumed: options.Assumed = True,
+    assignments: options.Assignments = None,
+    seed: options.Seed = None,
+    fast: options.Fast = False,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
     out: Annotated[
         Path | None,
         option(
             "--out", "FILE", "Write the figures of each run: as netCDF to FILE.nc, as a table to FILE.csv."
         ),
     ] = None,
-    force: Force = False,
-    as_json: AsJson = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Navigate with values of settings, sensor cards or missions and many seeds; show the errors of each."""
-    check_out(out, force, (".nc", ".csv"), "a netCDF file or a table", "--out")
+    options.check_out(out, force, (".nc", ".csv"), "a netCDF file or a table", "--out")
     texts = _by_path(over)
-    missions = [single_mission(name) for name in parts_of("mission", texts.get("mission", ""))]
+    missions = [options.single_mission(name) for name in parts_of("mission", texts.get("mission", ""))]
     if mission is None and not missions:
         raise CommandError("MISSION: is missing; accepted is a mission, or --over mission=NAME,...")
-    first = missions[0] if mission is None else single_mission(mission)
+    first = missions[0] if mission is None else options.single_mission(mission)
     _check_conflicts(first, missions, card, assignments or [], texts)
     has_cards = "card" in texts
-    chosen = base = experiment(first, config, card, assignments, seed, assumed or has_cards)
+    chosen = base = options.experiment(first, config, card, assignments, seed, assumed or has_cards)
     if has_cards:  # as of `ins-lab run`: the file first, then the card, then --set
-        base = experiment(first, config, None, None, chosen.seed)
+        base = options.experiment(first, config, None, None, chosen.seed)
     settings: dict[str, Sequence[Any]] = dict.fromkeys(texts, missions)
     for path, text in texts.items():
         if path != "mission":
@@ -124,7 +106,7 @@ def sweep(
 
     began = time.monotonic()
     with (
-        cluster_of(scheduler) as client,
+        options.cluster_of(scheduler) as client,
         working(chosen.mission) as progress,
         interrupted() as pressed,
     ):
@@ -317,8 +299,8 @@ def _checked_size(settings: Mapping[str, Sequence[Any]], seeds: int) -> int:
     points = math.prod(len(values) for values in settings.values())
     if points > MOST_POINTS:
         raise CommandError(f"--over: makes {points:,} combinations of values; accepted are {MOST_POINTS:,}")
-    if points * seeds > MOST_RUNS:
-        raise CommandError(f"--seeds: makes {points * seeds:,} runs; accepted are {MOST_RUNS:,}")
+    if points * seeds > options.MOST_RUNS:
+        raise CommandError(f"--seeds: makes {points * seeds:,} runs; accepted are {options.MOST_RUNS:,}")
     return points * seeds
 
 
