@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 
 VALID = 900.0
 """Time for which a handover is taken [s]: a restart with an update of packages takes some minutes."""
@@ -111,8 +111,7 @@ class Handover:
         }
         with contextlib.suppress(OSError):  # a folder that cannot be written: the next server begins anew
             self._path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            with atomic_file(self._path, private=True) as file:
-                file.write(json.dumps(parts).encode())
+            write_file(self._path, json.dumps(parts), private=True)
 
     def _fingerprint(self, cookie: str) -> bytes:
         return hmac.new(cookie.encode(), self._password, "sha256").hexdigest().encode()

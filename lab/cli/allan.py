@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lab.base.files.atomic_file import write_file
 from lab.base.parameters.setting_error import SettingError
 from lab.cli import options
 from lab.cli.app import CommandError, argument, option, print_json, working
@@ -168,11 +169,9 @@ def _facts(records: Mapping[str, Record], fitted: Mapping[str, NoiseTerms]) -> d
 def _write_card(path: Path, records: Mapping[str, Record], source: str) -> None:
     """Write the card of a record at rest, named as the file."""
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
 
     try:
         card = rest.card_of(path.stem, records, source)
     except ValueError as error:
         raise CommandError(f"--card {path}: {error}") from error
-    with atomic_file(path) as file:
-        file.write(card.to_toml().encode())
+    write_file(path, card.to_toml())

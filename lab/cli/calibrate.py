@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from lab.base.files.atomic_file import write_file
 from lab.cli import options
 from lab.cli.app import CommandError, argument, group, option, print_json, working
 from lab.cli.terminal import table
@@ -59,7 +60,7 @@ def imu(
         found = calibrate_imu(logs, latitude, options.corrections(units, columns))
         if card is not None:
             try:
-                _write(card, card_of(found, card.stem).to_toml())
+                write_file(card, card_of(found, card.stem).to_toml())
             except ValueError as error:
                 raise CommandError(f"--card {card}: {error}") from error
     _answer(found, out, force, as_json)
@@ -135,13 +136,6 @@ def _answer(found: Found, out: Path | None, force: bool, as_json: bool, applied:
     whole = written(found, out, applied)
     if not as_json:
         print(f"\n{out}: {whole.words}")
-
-
-def _write(path: Path, text: str) -> None:
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
-
-    with atomic_file(path) as file:
-        file.write(text.encode())
 
 
 def _interval(term: Any) -> str:

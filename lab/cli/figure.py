@@ -53,9 +53,9 @@ def figure(
     from lab.views.paper_figure import millimetres  # noqa: PLC0415 - help does not need it
 
     try:
-        for option, length in (("--width", width), ("--height", height)):
+        for name, length in (("--width", width), ("--height", height)):
             if length is not None:
-                millimetres(length, option)
+                millimetres(length, name)
     except ValueError as error:
         raise CommandError(str(error)) from error
     chosen = options.experiment(mission, config, card, assignments, seed, assumed)

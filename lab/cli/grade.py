@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lab.base.files.atomic_file import write_file
 from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError, argument, option, working
 from lab.cli.options import Force, check_out
@@ -172,14 +173,11 @@ def _write(text: str, out: Path | None, mark: bytes = codecs.BOM_UTF8) -> None:
 
     The mark begins a file: without that of UTF-8, Excel expects another encoding.
     """
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
-
     if out is None:
         sys.stdout.buffer.write(text.encode()) if hasattr(sys.stdout, "buffer") else print(text, end="")
         return
     try:
-        with atomic_file(out) as file:
-            file.write(mark + text.encode())
+        write_file(out, mark + text.encode())
     except OSError as error:  # the runs took long: the table must not be lost
         print(text, end="")
         raise CommandError(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from lab.base.files.atomic_file import write_file
 from lab.base.parameters.counted import counted
 from lab.cli.app import CommandError, argument, group, option, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, Force, Seed, check_out
@@ -56,7 +57,6 @@ def make(
     force: Force = False,
 ) -> None:
     """Make a homework: a file for the students, and a key for you, which contains the solutions."""
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
     from lab.classroom.homework.homework_file import homework_text, make_homework, write_key  # noqa: PLC0415 - slow
 
     check_out(out, force, ".homework", "a homework", "--out")
@@ -79,8 +79,7 @@ def make(
         )
         return
     try:
-        with atomic_file(out) as file:
-            file.write(homework_text(made).encode())
+        write_file(out, homework_text(made))
     except BaseException:
         kept.unlink()  # it grades nothing, and would refuse the next attempt
         raise
@@ -96,7 +95,6 @@ def variants(
     names: Annotated[list[str] | None, option("--name", "NAME", "A student; may be repeated.")] = None,
 ) -> None:
     """Write the homework of each student, with hidden values of their own, and a table of links."""
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
     from lab.classroom.homework.hand_out import LINKS, handed_out, links_text  # noqa: PLC0415 - slow
     from lab.classroom.homework.homework_file import homework_text, read_key  # noqa: PLC0415 - slow
 
@@ -111,10 +109,8 @@ def variants(
     made = _read(lambda: handed_out(keyed, students))
     out.mkdir(parents=True, exist_ok=True)
     for one in made:
-        with atomic_file(out / one.file) as file:
-            file.write(homework_text(keyed, one.name).encode())
-    with atomic_file(out / LINKS) as file:
-        file.write(codecs.BOM_UTF8 + links_text(made).encode())
+        write_file(out / one.file, homework_text(keyed, one.name))
+    write_file(out / LINKS, codecs.BOM_UTF8 + links_text(made).encode())
     print(
         f"{out}: {counted(len(made), 'file')} for {keyed.homework.title}, one for each student, and {LINKS}"
     )
@@ -128,15 +124,13 @@ def solutions(
     force: Force = False,
 ) -> None:
     """Write everything that a key knows as one page to print: for teachers only."""
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - slow
     from lab.classroom.homework.homework_file import read_key  # noqa: PLC0415 - slow
     from lab.classroom.homework.solutions_sheet import solutions_html  # noqa: PLC0415 - slow
 
     check_out(out, force, ".html", "a page", "--out")
     keyed = _read(lambda: read_key(key))
     text = _read(lambda: solutions_html(keyed, _roster_names(roster) if roster is not None else ()))
-    with atomic_file(out) as file:
-        file.write(text.encode())
+    write_file(out, text)
     print(f"{out}: solutions of {keyed.homework.title}; print it from a browser")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from lab.base.files.atomic_file import write_file
 from lab.cli.app import CommandError, option, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, check_out, experiment
 from lab.cli.terminal import table
@@ -44,9 +45,9 @@ def identify(
             lambda stage, fraction: progress(stage, 0.1 + 0.9 * fraction)
         )
         if out is not None:
-            _write(out, _card(found, out))
+            write_file(out, _card(found, out))
         if settings is not None:
-            _write(settings, chosen.copy().update(found.settings()).to_toml())
+            write_file(settings, chosen.copy().update(found.settings()).to_toml())
     if as_json:
         from lab.experiment.json_form import identification_of  # noqa: PLC0415 - help does not need it
         from lab.run.provenance import origin_of  # noqa: PLC0415 - beside it
@@ -64,13 +65,6 @@ def _card(found: Identification, out: Path) -> str:
             "filter assumes"
         )
     return card.to_toml()
-
-
-def _write(path: Path, text: str) -> None:
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
-
-    with atomic_file(path) as file:
-        file.write(text.encode())
 
 
 def _text(found: Identification) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lab.base.files.atomic_file import write_file
 from lab.base.parameters.setting_error import SettingError
 from lab.cli.app import CommandError, argument, option, print_json
 from lab.cli.card_table import card_text, facts, number
@@ -84,7 +85,7 @@ def new_card(
         if out is not None and not typer.confirm(f"Write {out}?", default=True, err=True):
             raise CommandError("nothing was written")
     if out is not None:
-        _write(out, made)
+        write_file(out, made.to_toml())
     if as_json:
         print_json({**facts(made), "file": None if out is None else str(out)})
     elif out is None:
@@ -172,10 +173,3 @@ def _about_triad(
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr)
-
-
-def _write(path: Path, card: Card) -> None:
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
-
-    with atomic_file(path) as file:
-        file.write(card.to_toml().encode())

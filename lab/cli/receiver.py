@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lab.base.files.atomic_file import write_file
 from lab.cli.app import CommandError, argument, option, print_json, working
 from lab.cli.options import AsJson, Force, check_out
 from lab.cli.terminal import table
@@ -61,12 +62,9 @@ def receiver(
 
 
 def _write(path: Path, found: ReceiverReport) -> None:
-    from lab.base.files.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
-
     if found.experiment is None:
         raise CommandError(f"--settings {path}: settings are of a sensor log, and {found.source} has no IMU")
-    with atomic_file(path) as file:
-        file.write(found.experiment.to_toml().encode())
+    write_file(path, found.experiment.to_toml())
 
 
 def _text(found: ReceiverReport) -> str:

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.base.files.deleted_files import DeletedFiles, file_errors_reported
 from lab.base.files.description_toml import file_in_same_folder, read_toml
 from lab.base.files.locks import folder_lock
@@ -250,8 +250,7 @@ def describe_mission(
         if changed:
             text = toml.read_bytes().decode("utf-8-sig").replace("\r\n", "\n") if old else ""
             content = encoded(changed_text(toml, text, changed), toml)
-            with atomic_file(toml) as file:
-                file.write(content)
+            write_file(toml, content)
     return mission(path)
 
 
@@ -344,8 +343,7 @@ def _numbered(wanted: Path) -> Iterator[Path]:
 def replace_toml(toml: Path, content: bytes) -> None:
     """Write the TOML file of a mission; recordings that only the old file of this name named are removed."""
     replaced = _recordings_named(toml)
-    with atomic_file(toml) as file:
-        file.write(content)
+    write_file(toml, content)
     _remove_unused(replaced)
 
 

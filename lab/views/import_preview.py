@@ -20,7 +20,7 @@ from bokeh.plotting import figure
 from bokeh.resources import INLINE
 
 from lab.base.arrays import FloatArray
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.missions.flight_import import FlightImport
 from lab.motion.frames import ecef
 from lab.motion.frames.east_north_up import east_north_up
@@ -72,8 +72,7 @@ def save_preview(read: FlightImport, path: Path) -> None:
     text = PreText(text=str(read.report), sizing_mode="stretch_width")
     page: Column = column(import_preview(read), text, sizing_mode="stretch_width")
     html = file_html(page, INLINE, title=f"Import of {', '.join(one.name for one in read.paths)}")
-    with atomic_file(path) as file:
-        file.write(html.encode())
+    write_file(path, html)
 
 
 def _track(read: FlightImport) -> figure:

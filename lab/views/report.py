@@ -18,7 +18,7 @@ from bokeh.models.annotations import Title
 from bokeh.plotting import figure
 from bokeh.resources import Resources
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.base.result_files import refuse_existing
 from lab.run.provenance import block_of
 from lab.views.ensemble_cards import verdict_html
@@ -108,8 +108,7 @@ def write_report(
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     html = report_html(result, notes)
-    with atomic_file(path) as file:
-        file.write(html.encode())
+    write_file(path, html)
 
 
 def _bokeh() -> str:

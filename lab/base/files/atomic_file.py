@@ -51,3 +51,9 @@ def atomic_file(path: Path, *, private: bool = False) -> Iterator[BinaryIO]:
         if isinstance(error, OSError) and error.filename in {None, temporary}:
             error.filename = str(path)  # the system does not name the file when the disk is full
         raise
+
+
+def write_file(path: Path, content: str | bytes, *, private: bool = False) -> None:
+    """Write a whole file, text as UTF-8; see `atomic_file`."""
+    with atomic_file(path, private=private) as file:
+        file.write(content.encode() if isinstance(content, str) else content)

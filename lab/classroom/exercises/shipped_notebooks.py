@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
 """The kernel of every notebook, as Jupyter names it."""
@@ -85,8 +85,7 @@ def copy_notebooks(target: Path, *, overwrite: bool = False) -> tuple[list[Path]
         notebook.metadata = {"kernelspec": dict(KERNEL)}
         for number, cell in enumerate(notebook.cells):
             cell.id = f"{shipped.name}-{number}"  # jupytext draws them, and two copies would differ
-        with atomic_file(path) as file:
-            file.write(jupytext.writes(notebook, fmt="ipynb").encode())
+        write_file(path, jupytext.writes(notebook, fmt="ipynb"))
         written.append(path)
     return written, kept
 

@@ -10,7 +10,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.classroom.homework.bounded_runs import FIGURES
 from lab.classroom.homework.grading import (
     GRADED,
@@ -59,8 +59,7 @@ def write_feedback(
     for file, row in zip(files, rows, strict=True):
         path = folder / os.path.relpath(file.path, hand_ins)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_file(path.with_name(path.name + SUFFIX)) as opened:
-            opened.write(feedback_text(row, keyed.homework).encode())
+        write_file(path.with_name(path.name + SUFFIX), feedback_text(row, keyed.homework))
     return len(rows)
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.toml_file import TomlError, parse_toml, toml_text
 from lab.classroom.homework.homework import LONGEST_ANSWER, Homework, fault_titles
@@ -145,8 +145,7 @@ def write_hand_in(path: Path, homework: Homework, handed: HandIn, *, overwrite: 
     """
     if path.exists() and not overwrite:
         raise FileExistsError(f"{path} exists already; nothing was written. overwrite=True replaces it")
-    with atomic_file(path) as file:
-        file.write(hand_in_text(homework, handed).encode())
+    write_file(path, hand_in_text(homework, handed))
 
 
 def open_hand_in(content: bytes, homework: Homework, key: TeacherKey) -> HandIn:

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.base.files.description_toml import check_keys, read_toml
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.toml_file import toml_text
@@ -188,8 +188,7 @@ class Calibration:
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write its file, whole or not at all."""
-        with atomic_file(Path(path)) as file:
-            file.write(self.to_toml().encode())
+        write_file(Path(path), self.to_toml())
 
 
 def _rounded(number: float) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
@@ -128,8 +128,7 @@ def save_profile(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> 
     check_profile(profile)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_file(path) as file:
-            file.write(text.encode())
+        write_file(path, text)
     except OSError as error:
         raise MissionError(f"{path}: cannot be written: {error.strerror or error}") from error
     assert replace(read_profile(path), path=path) == profile

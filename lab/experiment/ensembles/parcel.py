@@ -20,7 +20,7 @@ import numpy as np
 
 import lab
 from lab.base.cache import digest
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
 from lab.data.files.log_toml import DESCRIPTION_FILE
@@ -92,8 +92,7 @@ class MissionFiles(NamedTuple):
         own = folder / self.content_hash
         own.mkdir(parents=True, exist_ok=True)
         for name, content in self.contents.items():
-            with atomic_file(own / Path(name).name) as file:
-                file.write(zlib.decompress(content))
+            write_file(own / Path(name).name, zlib.decompress(content))
         place = str(own / self.entry) if self.entry else str(own)
         if mission(place).content_hash != self.content_hash:
             raise MissionError(f"{self.entry or 'log'}: its files changed while they were sent; run it again")

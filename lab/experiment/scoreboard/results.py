@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 from lab.base.files.file_content import whole
 from lab.base.files.mission_error import MissionError
 from lab.base.plain_data import plain
@@ -124,8 +124,7 @@ def write(path: Path, kept: Sequence[Kept]) -> None:
     """
     rows = [{"number": one.number, **one.row._asdict(), "earlier": one.earlier} for one in kept]
     data = plain({"schema": SCHEMA, "schema_version": VERSION, "rows": rows})
-    with atomic_file(path) as file:
-        file.write(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False).encode() + b"\n")
+    write_file(path, json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False).encode() + b"\n")
 
 
 def known_files(kept: Sequence[Kept], name: str) -> dict[str, str]:

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from lab.base.files.atomic_file import atomic_file
+from lab.base.files.atomic_file import write_file
 
 if TYPE_CHECKING:
     from cryptography.x509 import GeneralName
@@ -59,8 +59,7 @@ def certificate_file(names: Iterable[str], folder: Path | None = None) -> Path:
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     old = sorted((known or set()) - wanted)[: max(_MOST_NAMES - len(wanted), 0)]
     content = _made(sorted(wanted) + old)
-    with atomic_file(path, private=True) as file:
-        file.write(content)
+    write_file(path, content, private=True)
     return path
 
 
