@@ -8,7 +8,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.base import Page
-from dashboards.style import ON_SCREEN, TOOLTIP, WHOLE
+from dashboards.style import ON_SCREEN, TOOLTIP, plain_row, whole_column, wide_html
 
 SHEET = """
 :host { position: absolute !important; inset: 0; z-index: 6; overflow: hidden auto !important;
@@ -74,7 +74,7 @@ class Aside:
         self.button = button
         button.on_click(lambda _event: self._turn(not self.is_open))
         self._turned = turned
-        self._place = pn.Column(sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
+        self._place = whole_column()
         self.view = pn.Column(
             name=f"page {kind.title}", visible=False, margin=0, stylesheets=[style, ON_SCREEN]
         )
@@ -86,10 +86,8 @@ class Aside:
             icon="close", description=f"Close {title} (Esc)", size="small", stylesheets=[TOOLTIP]
         )
         close.on_click(lambda _event: self.close())
-        heading = pn.pane.HTML(
-            f"<h2>{title}</h2>", sizing_mode="stretch_width", margin=(4, 8), stylesheets=[_HEADING]
-        )
-        return pn.Row(heading, close, sizing_mode="stretch_width", margin=(4, 8))
+        heading = wide_html(f"<h2>{title}</h2>", margin=(4, 8), stylesheets=[_HEADING])
+        return plain_row(heading, close, margin=(4, 8))
 
     @property
     def is_open(self) -> bool:

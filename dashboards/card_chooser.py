@@ -12,7 +12,7 @@ import panel_material_ui as pmui
 import param
 
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import plain_column, whole_column, wide_html
 from dashboards.widgets import SETTING
 from lab.experiment.experiment import Experiment
 from lab.sensors.cards import card, card_in_force, cards
@@ -70,7 +70,7 @@ class CardChooser:
             sizing_mode="stretch_width",
             tags=[SETTING],
         )
-        self._note = pn.pane.HTML("", margin=(0, 0, 4, 0), sizing_mode="stretch_width", visible=False)
+        self._note = wide_html(margin=(0, 0, 4, 0), visible=False)
         self._widget.param.watch(self._chosen, "value")
         self._switch.param.watch(lambda _event: self._filled(), "value")
         session.on_settings(self._arrived)
@@ -79,7 +79,7 @@ class CardChooser:
     @property
     def view(self) -> pn.viewable.Viewable:
         """The widgets to place on the page."""
-        return pn.Column(self._widget, self._switch, self._note, margin=0, sizing_mode="stretch_width")
+        return plain_column(self._widget, self._switch, self._note)
 
     @property
     def base(self) -> Experiment:
@@ -189,9 +189,7 @@ class CardChoice:
             box.param.watch(self._chosen, "value")
         self._note = pn.pane.HTML(f"<small>{escape(ABOUT)}</small>", margin=(0, 16))
         boxes = pn.FlexBox(*self._boxes, margin=(0, 8), stylesheets=[_SHORT])
-        self.view = pn.Column(
-            self._note, boxes, margin=0, sizing_mode="stretch_width", visible=False, stylesheets=[WHOLE]
-        )
+        self.view = whole_column(self._note, boxes, visible=False)
 
     @property
     def chosen(self) -> tuple[str, ...]:

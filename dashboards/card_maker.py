@@ -6,11 +6,10 @@ import io
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.exchange import Download
-from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.pages.missions.entry_fields import fields_row, sized
 from dashboards.pages.missions.job import Job
 from lab.analysis import rest
 from lab.base.progress import Progress
@@ -55,10 +54,7 @@ class CardMaker:
             variant="outlined", margin=(10, 4),
         )  # fmt: skip
         self.job = Job()
-        self.view = pn.Row(
-            self._name, self.button, self.download,
-            margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
-        )  # fmt: skip
+        self.view = fields_row(self._name, self.button, self.download)
 
     def forget(self) -> None:
         """Know nothing of the source before."""

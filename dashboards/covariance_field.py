@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 import param
 
 from dashboards.field_text import number, shown
-from dashboards.style import TOOLTIP
+from dashboards.style import TOOLTIP, plain_column, plain_row
 from dashboards.widgets import Change, TextField
 from lab.base.parameters.setting_kinds import requirement
 from lab.base.parameters.units import TO_SI
@@ -35,7 +35,7 @@ class CovarianceField(TextField):
         self._matched = matched
         super().__init__(declaration, change)
         assert self._lock is not None
-        self._list = pn.Column(margin=0, sizing_mode="stretch_width", visible=False)
+        self._list = plain_column(visible=False)
         more = pmui.ToggleIcon(
             icon="expand_more",
             active_icon="expand_less",
@@ -47,12 +47,7 @@ class CovarianceField(TextField):
             stylesheets=[TOOLTIP],
         )
         more.param.watch(self._unfold, "value")
-        self._column = pn.Column(
-            pn.Row(self._widget, self._lock, more, margin=0, sizing_mode="stretch_width"),
-            self._list,
-            margin=0,
-            sizing_mode="stretch_width",
-        )
+        self._column = plain_column(plain_row(self._widget, self._lock, more), self._list)
 
     @property
     def view(self) -> pn.viewable.Viewable:

@@ -14,7 +14,7 @@ from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon
 from dashboards.session import Session
-from dashboards.style import WRAP
+from dashboards.style import choice_row, plain_column, wide_html
 from dashboards.widgets import SETTING
 from lab.analysis.identification.identification import Identification
 from lab.base.parameters.setting_error import SettingError
@@ -68,9 +68,9 @@ class Identifying:
             label="Parameters that Apply changes", inline=True, margin=(0, 12), visible=False
         )
         self._chosen.param.watch(lambda _event: self._offer(), "value")
-        self._text = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 12), stylesheets=[_STYLE])
-        buttons = pn.Row(self._ask, self._apply, sizing_mode="stretch_width", margin=0, stylesheets=[WRAP])
-        self.view = pn.Column(buttons, self._chosen, self._text, sizing_mode="stretch_width", margin=0)
+        self._text = wide_html(margin=(4, 12), stylesheets=[_STYLE])
+        buttons = choice_row(self._ask, self._apply)
+        self.view = plain_column(buttons, self._chosen, self._text)
 
     def show(self, result: Result) -> None:
         """Take a new result: clear the table of the previous one, and end the work on it."""

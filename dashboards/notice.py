@@ -9,8 +9,9 @@ import re
 from collections.abc import Sequence
 from html import escape
 
-import panel as pn
 import panel_material_ui as pmui
+
+from dashboards.style import wide_html
 
 LONGEST = 4000
 """Most characters of a message; a message about a value of a megabyte is cut after its beginning."""
@@ -46,12 +47,8 @@ class Notice:
     ) -> None:
         self.text = ""
         self._links = re.compile(rf"\b({'|'.join(links)})\b") if links else None
-        self._words = pn.pane.HTML(
-            "",
-            margin=0,
-            sizing_mode="stretch_width",
-            styles={"white-space": "pre-line"},
-            stylesheets=["a { color: inherit; }"],
+        self._words = wide_html(
+            margin=0, styles={"white-space": "pre-line"}, stylesheets=["a { color: inherit; }"]
         )
         self.view = pmui.Alert(
             self._words,

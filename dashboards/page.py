@@ -37,7 +37,7 @@ from dashboards.settings_panel import SettingsPanel
 from dashboards.share import Share
 from dashboards.shortcuts import Shortcuts
 from dashboards.stage import LINKED, Stage
-from dashboards.style import FRAME
+from dashboards.style import FRAME, plain_column
 from dashboards.teaching.bar_style import flash
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
@@ -86,7 +86,7 @@ class SimulatorPage:
         self._time_bar = TimeBar(self.axis, document, self._follow, self._cut, self.session)
         self._settings: SettingsPanel | None = None
         self._files: Files | None = None
-        self._sidebar = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._sidebar = plain_column()
         self._steps: list[Callable[[], None]] = []
         self._openings = Openings.of(document)
         self._closed = False

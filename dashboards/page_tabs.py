@@ -28,7 +28,7 @@ from dashboards.pages.overview import Overview
 from dashboards.pages.sensor_cards import SensorCards
 from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
 from dashboards.pages.view_3d import View3D
-from dashboards.style import ON_SCREEN
+from dashboards.style import ON_SCREEN, plain_row
 from dashboards.titled import Tabs
 from lab.experiment.result import Result
 
@@ -144,9 +144,7 @@ class PageTabs:
         )
         self._tabs.param.watch(self._tab_chosen, "active")
         self._parts.param.watch(self._part_chosen, "value")
-        self.view = pn.Row(
-            self._tabs, self._parts, sizing_mode="stretch_width", margin=0, stylesheets=[_ROW, ON_SCREEN]
-        )
+        self.view = plain_row(self._tabs, self._parts, stylesheets=[_ROW, ON_SCREEN])
 
     def open(self, kind: type[Page]) -> None:
         """Open a page, and with it its tab."""

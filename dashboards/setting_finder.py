@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.style import plain_column, plain_row
+
 MOST = 12
 """Most settings that are shown at once."""
 LAST = 3
@@ -74,18 +76,11 @@ class SettingFinder:
         self._strip = pn.Column(
             pn.pane.HTML("<small>Changed last</small>", margin=0), self._last, margin=0, visible=False
         )
-        self._place = pn.Column(margin=(0, 10), sizing_mode="stretch_width", visible=False)
+        self._place = plain_column(margin=(0, 10), visible=False)
         self._box.param.watch(lambda _event: self._seek(), "value_input")
         self._only.param.watch(lambda _event: self._seek(), "value")
         self._last.param.watch(lambda _event: self._seek(), "value")
-        self.view = pn.Column(
-            self._box,
-            pn.Row(self._only, beside, margin=0, sizing_mode="stretch_width"),
-            self._strip,
-            self._place,
-            margin=0,
-            sizing_mode="stretch_width",
-        )
+        self.view = plain_column(self._box, plain_row(self._only, beside), self._strip, self._place)
 
     def count(self) -> None:
         """Say how many settings are changed."""

@@ -19,7 +19,7 @@ from dashboards.other_form import OtherFormField
 from dashboards.session import Glide, Session
 from dashboards.setting_finder import MARKED, SettingFinder, mark_changed
 from dashboards.sigmas import sigma_of
-from dashboards.style import HIDDEN_LABEL, TOOLTIP
+from dashboards.style import HIDDEN_LABEL, TOOLTIP, plain_column, plain_row
 from dashboards.titled import Card
 from dashboards.widgets import SETTING, ChoiceField, Field, TextField, field
 from lab.base.aid_table import AIDS
@@ -120,9 +120,9 @@ class SettingsPanel:
         self._finder = SettingFinder(
             self._names(), self._changed, self._rows, self._hide, self._sigma_switch()
         )
-        self._groups = pn.Column(*self._sections(), margin=0, sizing_mode="stretch_width")
+        self._groups = plain_column(*self._sections())
         self._note = Notice(margin=(4, 0))
-        self.view = pn.Column(
+        self.view = plain_column(
             self._mission.view,
             self._note.view,
             self._seed_row(),
@@ -130,7 +130,6 @@ class SettingsPanel:
             self._finder.view,
             self._groups,
             margin=(6, 14, 4, 14),
-            sizing_mode="stretch_width",
         )
         self.refresh()
 
@@ -287,7 +286,7 @@ class SettingsPanel:
             tags=[SETTING],
         )
         another.on_click(lambda _event: self._next_seed())
-        row = pn.Row(self._seed.view, another, margin=0, sizing_mode="stretch_width")
+        row = plain_row(self._seed.view, another)
         return self._suited(row, ["seed"])
 
     def _next_seed(self) -> None:
@@ -307,7 +306,7 @@ class SettingsPanel:
             tags=[SETTING],
         )
         reset.on_click(self._reset)
-        return pn.Row(self._cards.view, reset, margin=0, sizing_mode="stretch_width")
+        return plain_row(self._cards.view, reset)
 
     def _reset(self, chosen: Any) -> None:
         """Set a group of settings, or all but the mission, to their defaults."""
@@ -327,7 +326,7 @@ class SettingsPanel:
         paths = [path for path, _, _ in self._session.experiment.leaves() if path.startswith(f"{group}.")]
         common = [path for path in paths if path in COMMON]
         others = [path for path in paths if path not in COMMON | OF_NOTEBOOKS]
-        body = pn.Column(margin=(0, 4, 8, 4), sizing_mode="stretch_width")
+        body = plain_column(margin=(0, 4, 8, 4))
         card = Card(
             body,
             title=title,
@@ -348,7 +347,7 @@ class SettingsPanel:
         return self._suited(card, paths)
 
     def _more(self, paths: list[str]) -> pn.viewable.Viewable:
-        inside = pn.Column(margin=0, sizing_mode="stretch_width", visible=False)
+        inside = plain_column(visible=False)
         toggle = pmui.Toggle(
             label="More",
             icon="expand_more",
@@ -368,7 +367,7 @@ class SettingsPanel:
             )
 
         toggle.param.watch(unfold, "value")
-        column = pn.Column(toggle, inside, margin=0, sizing_mode="stretch_width")
+        column = plain_column(toggle, inside)
         return self._suited(column, paths)
 
     def _field(self, path: str, fields: dict[str, Field]) -> Field:
@@ -394,7 +393,7 @@ class SettingsPanel:
         made = self._fields[path] = self._field(path, self._fields)
         if path in self._forms:
             form = self._make_form(self._forms[path])
-            both = pn.Column(made.view, form, margin=0, sizing_mode="stretch_width")
+            both = plain_column(made.view, form)
             return self._suited(both, [path])
         return self._suited(made.view, [path])
 

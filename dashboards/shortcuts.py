@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.address import HistoryBar
-from dashboards.style import TOOLTIP
+from dashboards.style import TOOLTIP, wide_html
 
 KEYS = (
     ("1 to 7", "open a tab"),
@@ -71,7 +70,7 @@ class Shortcuts:
             sx={"color": "#ffffff"},
         )
         self.button.on_click(lambda _event: self._open())
-        self._words = pn.pane.HTML("", sizing_mode="stretch_width", stylesheets=[_STYLE])
+        self._words = wide_html(stylesheets=[_STYLE])
         self.list = pmui.Dialog(
             self._words, title="INS Lab", close_on_click=True, show_close_button=True, width_option="sm"
         )

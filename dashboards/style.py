@@ -1,8 +1,10 @@
-"""Style: colours and dimensions of the page."""
+"""Style: colours and dimensions of the page, and the columns and rows that its parts stand in."""
 
 from __future__ import annotations
 
 from typing import Any
+
+import panel as pn
 
 _FIELDS: dict[str, Any] = {
     "MuiSelect": {
@@ -124,3 +126,28 @@ legend { display: none !important; }
 
 TOOLTIP = ".MuiTooltip-tooltip { width: max-content; max-width: 280px; }"
 """The tooltip of an icon button; otherwise it would be as narrow as the button, with one word per line."""
+
+
+def plain_column(*parts: Any, margin: Any = 0, **settings: Any) -> pn.Column:
+    """Return a column as wide as its place; the settings are those of `panel.Column`."""
+    return pn.Column(*parts, sizing_mode="stretch_width", margin=margin, **settings)
+
+
+def whole_column(*parts: Any, **settings: Any) -> pn.Column:
+    """Return a column as wide as its place and as high as its content; see `WHOLE`."""
+    return plain_column(*parts, stylesheets=[WHOLE], **settings)
+
+
+def plain_row(*parts: Any, margin: Any = 0, **settings: Any) -> pn.Row:
+    """Return a row as wide as its place; the settings are those of `panel.Row`."""
+    return pn.Row(*parts, sizing_mode="stretch_width", margin=margin, **settings)
+
+
+def choice_row(choice: Any, words: Any, **settings: Any) -> pn.Row:
+    """Return a row of a selection and the text about it; see `WRAP`."""
+    return plain_row(choice, words, stylesheets=[WRAP], **settings)
+
+
+def wide_html(html: str = "", **settings: Any) -> pn.pane.HTML:
+    """Return text as wide as its place; the settings are those of `panel.pane.HTML`."""
+    return pn.pane.HTML(html, sizing_mode="stretch_width", **settings)

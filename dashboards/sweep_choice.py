@@ -14,7 +14,7 @@ import panel_material_ui as pmui
 from dashboards.seen_names import seen_name
 from dashboards.settings_panel import SECTIONS, may_change
 from dashboards.sigmas import sigma_at, to_variance
-from dashboards.style import WHOLE
+from dashboards.style import whole_column
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
 from lab.experiment.experiment import Experiment
@@ -157,14 +157,7 @@ class SweepChoice:
         button = pmui.Button(label="Run the sweep", size="small", margin=(10, 6))
         button.on_click(lambda _event: run())
         row = pn.FlexBox(self._seeds, self._metric, button, margin=0, align_items="center")
-        self.view = pn.Column(
-            *(axis.view for axis in self._axes),
-            row,
-            margin=(0, 10),
-            sizing_mode="stretch_width",
-            visible=False,
-            stylesheets=[WHOLE],
-        )
+        self.view = whole_column(*(axis.view for axis in self._axes), row, margin=(0, 10), visible=False)
 
     @property
     def metric(self) -> str:

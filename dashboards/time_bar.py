@@ -13,7 +13,7 @@ from bokeh.document import Document
 from dashboards.plot_tools import EventLane, PlotTools
 from dashboards.sending import together
 from dashboards.session import Session
-from dashboards.style import HIDDEN_LABEL, ON_SCREEN, TOOLTIP
+from dashboards.style import HIDDEN_LABEL, ON_SCREEN, TOOLTIP, plain_column, plain_row
 from dashboards.widgets import Slider
 from lab.views.figures import TimeAxis
 
@@ -96,23 +96,19 @@ class TimeBar:
         whole.on_click(lambda _event: axis.whole())
         axis.cursor.on_change("location", self._clicked)
         self._lane = EventLane(session, document, self.go, axis.show_notes)
-        row = pn.Row(
+        row = plain_row(
             self._play,
             self._speed,
-            pn.Column(self._lane.view, self._slider, sizing_mode="stretch_width", margin=0, styles=ABOVE),
+            plain_column(self._lane.view, self._slider, styles=ABOVE),
             self._readout,
             outage,
             note,
             whole,
-            sizing_mode="stretch_width",
-            margin=0,
             height=48,
         )
-        self.view = pn.Column(
+        self.view = plain_column(
             PlotTools(sizing_mode="stretch_width", margin=0),  # type: ignore[no-untyped-call]
             row,
-            sizing_mode="stretch_width",
-            margin=0,
             styles={"border-top": "1px solid rgba(128,128,128,.25)", "flex": "0 0 auto"},
             stylesheets=[ON_SCREEN],
         )

@@ -16,6 +16,7 @@ from dashboards.openings import Openings
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon, together
 from dashboards.session import Session
+from dashboards.style import plain_column, wide_html
 from dashboards.widgets import SETTING
 from lab.analysis.verdicts.finding import Change, Finding, Verdict
 from lab.analysis.verdicts.trial import advised, can_be_tried
@@ -215,7 +216,7 @@ class VerdictChip:
             self._work.submit((result, True))
 
     def _made(self) -> pmui.Popup:
-        self._words = pn.pane.HTML("", sizing_mode="stretch_width", margin=0, stylesheets=[_WORDS])
+        self._words = wide_html(margin=0, stylesheets=[_WORDS])
         self._show_me = pmui.Button(label="Show me", size="small", variant="outlined", margin=(6, 8, 0, 0))
         self._show_me.on_click(lambda _event: self._shown())
         self._apply = pmui.Button(
@@ -224,7 +225,7 @@ class VerdictChip:
         self._apply.on_click(lambda _event: self._applied())
         buttons = pn.Row(self._apply, self._show_me, margin=0)
         return pmui.Popup(
-            pn.Column(self._words, buttons, margin=0, sizing_mode="stretch_width"),
+            plain_column(self._words, buttons),
             anchor_position=PLACE,
             transform_origin={"horizontal": "left", "vertical": "top"},
             elevation=8,

@@ -14,7 +14,7 @@ from bokeh.models import CustomJSTickFormatter
 
 from dashboards.field_text import FOLLOWS, follows, label_of, parsed, per_axis, placeholder_of, shown
 from dashboards.sigmas import sigma_of, to_sigma, to_variance
-from dashboards.style import HIDDEN_LABEL, TOOLTIP
+from dashboards.style import HIDDEN_LABEL, TOOLTIP, plain_column, plain_row, wide_html
 from lab.base.parameters.setting_error import RefusedValueError, SettingError
 from lab.base.parameters.setting_kinds import AxisQuantity, Quantity, requirement
 
@@ -174,13 +174,7 @@ class NumberField(Field):
         self._box.param.watch(self._typed, "value")
         self._axis_sliders: list[Slider] = []
         self._complaint: pn.pane.HTML | None = None
-        self._column = pn.Column(
-            self._slider,
-            self._box,
-            margin=(4, 0),
-            sizing_mode="stretch_width",
-            styles={"position": "relative"},
-        )
+        self._column = plain_column(self._slider, self._box, margin=(4, 0), styles={"position": "relative"})
         if self._axes:
             more = pmui.ToggleIcon(
                 icon="expand_more",
@@ -238,9 +232,7 @@ class NumberField(Field):
     def complain(self, sentence: str) -> None:
         """Show a sentence between the slider and those of the axes."""
         if sentence and self._complaint is None:
-            self._complaint = pn.pane.HTML(
-                margin=(0, 0, 4, 0), sizing_mode="stretch_width", stylesheets=[_RED]
-            )
+            self._complaint = wide_html(margin=(0, 0, 4, 0), stylesheets=[_RED])
             self._column.insert(1, self._complaint)
         if self._complaint is not None:
             self._complaint.param.update(
@@ -386,8 +378,8 @@ class TextField(Field):
                 size="1.1em", margin=(14, 0, 0, 0), width=26, stylesheets=[TOOLTIP], tags=[SETTING]
             )
             self._lock.on_click(lambda _event: self._ask(None))
-            row = pn.Row(self._widget, self._lock, margin=0, sizing_mode="stretch_width")
-            self._view = pn.Column(row, margin=0, sizing_mode="stretch_width")
+            row = plain_row(self._widget, self._lock)
+            self._view = plain_column(row)
         self.show(declaration.default)
 
     @property

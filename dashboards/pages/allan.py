@@ -13,6 +13,7 @@ from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.rest_upload import RestRecording, RestUpload
 from dashboards.pages.summary import TABLE_STYLE
+from dashboards.style import plain_column, wide_html
 from lab.analysis import allan, rest
 from lab.base.parameters.settings import Settings
 from lab.base.progress import Progress
@@ -55,15 +56,13 @@ class Allan(ComputedPage):
     def make(self) -> pn.viewable.Viewable:
         """Return two figures and a table."""
         self._figures = AllanFigures()
-        self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE])
+        self._table = wide_html(margin=(4, 20), stylesheets=[TABLE_STYLE])
         self._upload = RestUpload(self._take)
-        return pn.Column(
+        return plain_column(
             self.words,
             self._upload.view,
             plot_grid(self._figures.figures, 2, least=380, beside=TABLE),
             self._table,
-            sizing_mode="stretch_width",
-            margin=0,
         )
 
     @classmethod

@@ -12,7 +12,7 @@ import panel as pn
 from bokeh.plotting import figure
 
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column
 from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
 
@@ -188,4 +188,4 @@ def plot_grid(
 
 def hideable(grid: pn.viewable.Viewable) -> pn.Column:
     """Return a column around a grid of plots, hidden at first: the style of a grid alone keeps it visible."""
-    return pn.Column(grid, visible=False, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
+    return whole_column(grid, visible=False)

@@ -9,7 +9,7 @@ import panel_material_ui as pmui
 
 from dashboards.pages.base import AROUND, plot_grid
 from dashboards.pages.computed import ComputedPage
-from dashboards.style import WRAP
+from dashboards.style import choice_row
 from lab.analysis.budget import QUANTITIES
 from lab.analysis.observability import observability_table
 from lab.base.progress import Progress
@@ -41,7 +41,7 @@ class Budget(ComputedPage):
         grid = plot_grid(self._figures.figures, 1)
         grid.stylesheets = [*grid.stylesheets, _ROWS]
         return pn.Column(
-            pn.Row(self._choice, self.words, sizing_mode="stretch_width", margin=0, stylesheets=[WRAP]),
+            choice_row(self._choice, self.words),
             grid,
             sizing_mode="stretch_both",
             margin=0,

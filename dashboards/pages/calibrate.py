@@ -17,6 +17,7 @@ from dashboards.pages.base import OwnPage
 from dashboards.pages.missions.job import Job
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.session import Session
+from dashboards.style import plain_column, wide_html
 from dashboards.upload import MAX_BYTES, Upload, without_folder
 from lab.analysis.calibration.imu_calibration import ImuCalibration
 from lab.base.progress import Progress
@@ -93,16 +94,12 @@ class Calibrate(OwnPage):
             variant="outlined",
             margin=(10, 8),
         )
-        self.words = pn.pane.HTML(
-            _WORDS, sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE]
-        )
-        return pn.Column(
+        self.words = wide_html(_WORDS, margin=(4, 20), stylesheets=[TABLE_STYLE])
+        return plain_column(
             pn.FlexBox(self._kind, self._upload, self._mounting, margin=(0, 12), align_items="center"),
-            pn.Column(self.job.view, margin=(0, 16), sizing_mode="stretch_width"),
+            plain_column(self.job.view, margin=(0, 16)),
             pn.FlexBox(self._file, self._card, margin=(0, 12)),
             self.words,
-            sizing_mode="stretch_width",
-            margin=0,
         )
 
     def close(self) -> None:

@@ -24,7 +24,7 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import check_variant
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.base.cache import digest
 from lab.base.progress import Progress
 from lab.experiment.ensembles.comparison import models
@@ -130,16 +130,14 @@ class Compare(ComputedPage):
             label="Cancel", size="small", variant="outlined", margin=(8, 12), visible=False
         )
         self._stop.on_click(lambda _event: self._stop_or_go_on())
-        self._table = pn.pane.HTML(
-            "", sizing_mode="stretch_width", margin=(4, 16), stylesheets=[TABLE_STYLE, _STYLE]
-        )
+        self._table = wide_html(margin=(4, 16), stylesheets=[TABLE_STYLE, _STYLE])
         said = pn.pane.HTML("Add:", margin=(14, 4, 0, 16))
         bar = pn.FlexBox(
             said, *self._add.values(), self._stop, self._baseline, margin=0, align_items="center"
         )
         sweep = self._sweep.choice.view, self._sweep.figure
         parts = bar, self._cards.view, self._seeds, self.words, self._table, *sweep, self._outages.view
-        return pn.Column(*parts, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
+        return whole_column(*parts)
 
     def _on(self, name: str) -> bool:
         return bool(self._add[name].value)

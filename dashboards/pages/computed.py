@@ -14,6 +14,7 @@ import panel as pn
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.pages.base import Page, not_drawn
 from dashboards.sending import soon, together
+from dashboards.style import wide_html
 from lab.base.progress import Progress
 from lab.experiment.result import Result
 from lab.run.memory import give_back, large_blocks_given_back
@@ -44,9 +45,7 @@ class ComputedPage(Page):
         self._content: tuple[Result, Any] | None = None
         self._work = LatestWins(self._attempt, self._deliver, LONG, at_once=True)
         self._told = 0.0
-        self.words = pn.pane.HTML(
-            "", sizing_mode="stretch_width", margin=(10, 20, 2, 20), stylesheets=[_STYLE]
-        )
+        self.words = wide_html(margin=(10, 20, 2, 20), stylesheets=[_STYLE])
         super().__init__(axis)
 
     @abstractmethod

@@ -17,7 +17,7 @@ from dashboards.pages.computed import ComputedPage
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import RUNS, Session
-from dashboards.style import WRAP
+from dashboards.style import choice_row, plain_column, wide_html
 from dashboards.widgets import SETTING
 from lab.analysis.verdicts.finding import Change, Finding
 from lab.analysis.verdicts.suggestion import may_suggest, with_suggestions
@@ -109,10 +109,8 @@ class Consistency(ComputedPage):
         self._tables = _html()
         self._plots_of_one = plot_grid(self._one.figures, 2, 210, beside=TABLES)
         self._plots_of_many = plot_grid(self._many.figures, 2, 300, beside=TABLES)
-        self._choice_and_words = pn.Row(
-            self._choice, self.words, sizing_mode="stretch_width", margin=0, stylesheets=[WRAP]
-        )
-        return pn.Column(*self._parts(self._plots_of_one), sizing_mode="stretch_width", margin=0)
+        self._choice_and_words = choice_row(self._choice, self.words)
+        return plain_column(*self._parts(self._plots_of_one))
 
     def _parts(self, *plots: pn.viewable.Viewable) -> list[pn.viewable.Viewable]:
         """Return the parts of the page from top to bottom."""
@@ -261,7 +259,7 @@ _COLOUR = {True: "fine", False: "wrong", None: "unknown"}
 
 
 def _html() -> pn.pane.HTML:
-    return pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 12), stylesheets=[_STYLE])
+    return wide_html(margin=(4, 12), stylesheets=[_STYLE])
 
 
 def _what_is_judged(result: Result) -> str:

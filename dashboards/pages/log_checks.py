@@ -14,6 +14,7 @@ from dashboards.pages.base import NARROW
 from dashboards.pages.computed import ComputedPage
 from dashboards.plot_tools import SETTLED
 from dashboards.seen_names import as_seen
+from dashboards.style import plain_column, plain_row
 from lab.analysis.cross_checks import CrossChecks, cross_checks
 from lab.base.progress import Progress
 from lab.experiment.result import Result
@@ -66,15 +67,8 @@ class LogChecks(ComputedPage):
         button = pmui.Button(label="Identify noise …", size="small", variant="outlined", margin=(4, 8))
         button.on_click(lambda _event: self._identify())
         self.words.param.update(margin=(2, 8))
-        self._plots = pn.Column(
-            *panes, sizing_mode="stretch_width", margin=0, stylesheets=[_ROW], visible=False
-        )
-        return pn.Column(
-            pn.Row(self.words, button, sizing_mode="stretch_width", margin=0, stylesheets=[_LINE]),
-            self._plots,
-            sizing_mode="stretch_width",
-            margin=0,
-        )
+        self._plots = plain_column(*panes, stylesheets=[_ROW], visible=False)
+        return plain_column(plain_row(self.words, button, stylesheets=[_LINE]), self._plots)
 
     def draw(self, result: Result) -> None:
         """Begin the checks of a result, unless they take too much memory, or its filter is not known."""

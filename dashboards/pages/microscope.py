@@ -11,6 +11,7 @@ import panel as pn
 from dashboards.computing import Outcome
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.computed import ComputedPage
+from dashboards.style import plain_column, wide_html
 from lab.base.progress import Progress
 from lab.experiment.result import Result
 from lab.views.microscope import EllipseFigures, sentence, update_html
@@ -59,8 +60,8 @@ class Microscope(ComputedPage):
         self._fix = 0
         self._ellipses = EllipseFigures()
         self._plots = hideable(plot_grid(self._ellipses.figures, 2, least=320, beside=inf))
-        self._html = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 20), stylesheets=[_STYLE])
-        return pn.Column(self.words, self._plots, self._html, sizing_mode="stretch_width", margin=0)
+        self._html = wide_html(margin=(4, 20), stylesheets=[_STYLE])
+        return plain_column(self.words, self._plots, self._html)
 
     @classmethod
     def missing_reason(cls, result: Result) -> str:

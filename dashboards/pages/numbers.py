@@ -15,6 +15,7 @@ from dashboards.mission_titles import mission_titles
 from dashboards.pages.base import OwnPage
 from dashboards.pages.missions.job import Job
 from dashboards.pages.summary import TABLE_STYLE
+from dashboards.style import plain_column, wide_html
 from dashboards.upload import MAX_BYTES, Upload, without_folder
 from lab.base.files.mission_error import MissionError
 from lab.base.progress import Progress
@@ -81,24 +82,18 @@ class Numbers(OwnPage):
             callback=lambda: io.BytesIO(self._lines.encode()), filename="noise.txt",
             label="Download the lines", visible=False, size="small", variant="outlined", margin=(10, 8),
         )  # fmt: skip
-        self.words = pn.pane.HTML(
-            WORDS, sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE, _STYLE]
-        )
-        self.pasted = pn.pane.HTML(
-            "", sizing_mode="stretch_width", margin=(0, 20), stylesheets=[TABLE_STYLE, _STYLE], visible=False
-        )
+        self.words = wide_html(WORDS, margin=(4, 20), stylesheets=[TABLE_STYLE, _STYLE])
+        self.pasted = wide_html(margin=(0, 20), stylesheets=[TABLE_STYLE, _STYLE], visible=False)
         self._offer()
-        return pn.Column(
+        return plain_column(
             pn.FlexBox(self._still, self._uploads["still"], margin=(8, 8, 0, 8), align_items="center"),
             pn.FlexBox(
                 self._drive, self._uploads["drive"], self._button, margin=(0, 8), align_items="center"
             ),
-            pn.Column(self.job.view, margin=(0, 16), sizing_mode="stretch_width"),
+            plain_column(self.job.view, margin=(0, 16)),
             self.words,
             pn.FlexBox(self._program, self._download, margin=(0, 12), align_items="center"),
             self.pasted,
-            sizing_mode="stretch_width",
-            margin=0,
         )
 
     def appear(self) -> None:

@@ -10,6 +10,7 @@ import panel_material_ui as pmui
 from dashboards.pages.base import OwnPage, hideable
 from dashboards.pages.missions.job import Job
 from dashboards.pages.summary import TABLE_STYLE
+from dashboards.style import plain_column, wide_html
 from dashboards.upload import MAX_BYTES, Upload, without_folder
 from lab.analysis.verdicts.foreign_verdict import ForeignVerdict
 from lab.data.filter_logs import KINDS
@@ -41,22 +42,14 @@ class OtherFilters(OwnPage):
             sx={"borderStyle": "dashed", "padding": "22px"},
         )
         self._smoother = pmui.Checkbox(label="Compare with our smoother", size="small", margin=(0, 16))
-        self.words = pn.pane.HTML(
-            _WORDS, sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE]
-        )
+        self.words = wide_html(_WORDS, margin=(4, 20), stylesheets=[TABLE_STYLE])
         self._drawn_figure = ForeignFigure()
         self._pane = pn.pane.Bokeh(
             self._drawn_figure.figure, sizing_mode="stretch_width", height=300, margin=(4, 16)
         )
         self._plot = hideable(self._pane)
-        return pn.Column(
-            self._upload,
-            self._smoother,
-            pn.Column(self.job.view, margin=(0, 16), sizing_mode="stretch_width"),
-            self._plot,
-            self.words,
-            sizing_mode="stretch_width",
-            margin=0,
+        return plain_column(
+            self._upload, self._smoother, plain_column(self.job.view, margin=(0, 16)), self._plot, self.words
         )
 
     def close(self) -> None:

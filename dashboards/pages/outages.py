@@ -16,7 +16,7 @@ from dashboards.pages.summary import TABLE_STYLE
 from dashboards.seen_names import as_seen
 from dashboards.sending import soon, together
 from dashboards.settings_panel import check_variant
-from dashboards.style import WHOLE
+from dashboards.style import plain_column, whole_column, wide_html
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.experiment.outage_table import OutageTable
@@ -103,21 +103,17 @@ class Outages:
             label="Cancel", size="small", variant="outlined", margin=(10, 6), visible=False
         )
         self._stop.on_click(lambda _event: self._cancel())
-        self._words = pn.pane.HTML("", sizing_mode="stretch_width", margin=(2, 8), stylesheets=[_STYLE])
-        self._table = pn.pane.HTML(
-            "", sizing_mode="stretch_width", margin=(2, 8), stylesheets=[TABLE_STYLE, _STYLE]
-        )
-        self._figure = pn.Column(sizing_mode="stretch_width", margin=0)
+        self._words = wide_html(margin=(2, 8), stylesheets=[_STYLE])
+        self._table = wide_html(margin=(2, 8), stylesheets=[TABLE_STYLE, _STYLE])
+        self._figure = plain_column()
         choices = self._cards, self._seconds, self._wish, self._seeds, run, self._stop
-        self.view = pn.Column(
+        self.view = whole_column(
             pn.FlexBox(*choices, margin=0, align_items="center"),
             self._words,
             self._table,
             self._figure,
             margin=(0, 10),
-            sizing_mode="stretch_width",
             visible=False,
-            stylesheets=[WHOLE],
         )
 
     @property

@@ -12,7 +12,7 @@ import panel_material_ui as pmui
 
 from dashboards.card_maker import CardMaker
 from dashboards.pages.missions.job import Job
-from dashboards.style import WHOLE
+from dashboards.style import whole_column
 from dashboards.upload import Upload
 from lab.analysis import rest
 from lab.base.progress import Progress
@@ -64,14 +64,7 @@ class RestUpload:
         self._maker = CardMaker(lambda: self.recording, lambda recording: recording)
         self._maker.view.visible = False
         row = pn.FlexBox(self._upload, self._back, self._maker.view, margin=(0, 16), align_items="center")
-        self.view = pn.Column(
-            row,
-            self._job.view,
-            self._maker.job.view,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
-        )
+        self.view = whole_column(row, self._job.view, self._maker.job.view)
 
     def _read(self, files: list[Path]) -> None:
         self._job.start("Reading the recording", partial(_recording, files), self._take)

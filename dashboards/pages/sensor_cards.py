@@ -18,7 +18,7 @@ from dashboards.pages.base import Page
 from dashboards.pages.sheet_form import SheetForm
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.sensors.cards import GRADES, KEY_TERMS, Card, card, card_in_force, cards
@@ -84,20 +84,10 @@ class SensorCards(Page):
     def make(self) -> pn.viewable.Viewable:
         """Return the two tables."""
         self._table = CardTable(self._load, cards=card_table(), sizing_mode="stretch_width", margin=(0, 16))
-        self._terms = pn.pane.HTML(
-            "", sizing_mode="stretch_width", margin=(8, 16), stylesheets=[TABLE_STYLE, _TERMS]
-        )
-        words = pn.pane.HTML(_WORDS, sizing_mode="stretch_width", margin=(8, 16, 0, 16), stylesheets=[_TERMS])
+        self._terms = wide_html(margin=(8, 16), stylesheets=[TABLE_STYLE, _TERMS])
+        words = wide_html(_WORDS, margin=(8, 16, 0, 16), stylesheets=[_TERMS])
         self._form = SheetForm(self._session)
-        return pn.Column(
-            words,
-            self._table,
-            self._terms,
-            self._form.view,
-            sizing_mode="stretch_width",
-            margin=0,
-            stylesheets=[WHOLE],
-        )
+        return whole_column(words, self._table, self._terms, self._form.view)
 
     def draw(self, result: Result) -> None:
         """Show the terms of the sensors, and mark the card in use."""

@@ -13,7 +13,7 @@ from dashboards.exchange import Download
 from dashboards.field_text import shown
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.base.parameters.setting_error import SettingError
 from lab.missions import MissionError
 from lab.missions.mission_name import accepted_name
@@ -71,16 +71,14 @@ class SheetForm:
             filename="card.toml", label="Card", visible=False, size="small", variant="outlined",
             margin=(8, 8),
         )  # fmt: skip
-        self.answer = pn.pane.HTML("", sizing_mode="stretch_width", margin=(0, 8))
-        self.view = pn.Column(
-            pn.pane.HTML(WORDS, sizing_mode="stretch_width", margin=(8, 8, 0, 8)),
+        self.answer = wide_html(margin=(0, 8))
+        self.view = whole_column(
+            wide_html(WORDS, margin=(8, 8, 0, 8)),
             pn.FlexBox(self._name, self._grade, self._source, margin=0, align_items="center"),
             self._numbers,
             pn.FlexBox(self._button, self._load, self.download, margin=0, align_items="center"),
             self.answer,
             margin=(8, 8),
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
         )
 
     def make(self) -> None:

@@ -14,6 +14,7 @@ from dashboards.ensembles import who_runs
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.seen_names import as_seen
 from dashboards.settings_panel import may_change
+from dashboards.style import plain_column, wide_html
 from dashboards.sweep_choice import Plan, SweepChoice, as_fields, present
 from lab.base.cache import digest
 from lab.base.parameters.setting_error import SettingError
@@ -57,7 +58,7 @@ class SweepPart:
         self, key_of: Callable[[Result], str], begin: Callable[[], None], draw: Callable[[], None]
     ) -> None:
         self.choice = SweepChoice(self.run, draw)
-        self.figure = pn.Column(sizing_mode="stretch_width", margin=(4, 8))
+        self.figure = plain_column(margin=(4, 8))
         self.plan: Plan | None = None
         self._key_of, self._begin = key_of, begin
         self._is_on = self._sigmas = False
@@ -147,7 +148,7 @@ class SweepPart:
         figure = sweep_figure(as_fields(sweep, self._sigmas), metric, now)
         plot = pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)
         about = ABOUT_CURVE if len(sweep.dims) == 1 else ABOUT_MAP
-        return pn.Column(plot, _words(about), sizing_mode="stretch_width", margin=0)
+        return plain_column(plot, _words(about))
 
     def clear(self) -> None:
         """Show nothing."""
@@ -159,9 +160,4 @@ class SweepPart:
 
 
 def _words(text: str) -> pn.viewable.Viewable:
-    return pn.pane.HTML(
-        f"<p>{escape(text)}</p>",
-        sizing_mode="stretch_width",
-        margin=(2, 8),
-        stylesheets=[TABLE_STYLE, _STYLE],
-    )
+    return wide_html(f"<p>{escape(text)}</p>", margin=(2, 8), stylesheets=[TABLE_STYLE, _STYLE])

@@ -11,7 +11,7 @@ from bokeh.document import Document
 from bokeh.events import DocumentReady
 
 from dashboards.pages.base import AROUND, Page
-from dashboards.style import HIDDEN_LABEL, WRAP
+from dashboards.style import HIDDEN_LABEL, choice_row, plain_column, wide_html
 from dashboards.upstream.server import serving_application
 from dashboards.viser_proxy import ServedScene
 from lab.experiment.result import Result
@@ -43,13 +43,7 @@ class View3D(Page):
     def make(self) -> pn.viewable.Viewable:
         """Return the frame, which shows a viser server once a browser is there."""
         self._document = pn.state.curdoc
-        self._frame = pn.pane.HTML(
-            "",
-            css_classes=["frame"],
-            sizing_mode="stretch_width",
-            margin=0,
-            stylesheets=[self.frame_style],
-        )
+        self._frame = wide_html(css_classes=["frame"], margin=0, stylesheets=[self.frame_style])
         self._begin()
         if self._served is None and self._document is not None:  # a link opens this page
             self._document.on_event(DocumentReady, lambda _event: self.draw_again())
@@ -64,12 +58,7 @@ class View3D(Page):
         )  # fmt: skip
         heights.param.watch(lambda event: self._exaggerate(event.new), "value")
         self._legend = pn.pane.HTML("", margin=(10, 4))
-        return pn.Column(
-            pn.Row(heights, self._legend, margin=0, sizing_mode="stretch_width", stylesheets=[WRAP]),
-            self._frame,
-            sizing_mode="stretch_width",
-            margin=(4, 8),
-        )
+        return plain_column(choice_row(heights, self._legend), self._frame, margin=(4, 8))
 
     def _begin(self) -> None:
         """Start the viser server if a browser is there, and it is not started yet."""

@@ -8,6 +8,7 @@ from typing import Any
 import panel as pn
 
 from dashboards.kept import Kept
+from dashboards.style import plain_column
 from dashboards.teaching.class_link import code_of
 from dashboards.teaching.class_register import CLASSES, is_code
 from dashboards.teaching.desk import Desk
@@ -45,9 +46,7 @@ class ClassBar:
         self._bar: StudentBar | TeacherBar | None = None
         self.teaches = False
         self.problem = ""
-        self.view = pn.Column(
-            margin=0, sizing_mode="stretch_width", styles={"flex": "0 0 auto"}, visible=False
-        )
+        self.view = plain_column(styles={"flex": "0 0 auto"}, visible=False)
 
     @property
     def code(self) -> str:

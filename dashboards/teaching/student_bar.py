@@ -21,7 +21,7 @@ from dashboards.kept import Kept, Own
 from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.query import experiment_of_query, query
 from dashboards.sending import soon, together
-from dashboards.style import TOOLTIP
+from dashboards.style import TOOLTIP, plain_row
 from dashboards.teaching.bar_style import BAR, BUTTON, WORDS
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.moment import Moment
@@ -114,16 +114,8 @@ class StudentBar:
         )
         self._badge.param.watch(lambda event: self._name.param.update(visible=bool(event.new)), "value")
         self._name.param.watch(lambda event: self._call(event.new), "value")
-        self.view = pn.Row(
-            self._words,
-            self._turn,
-            self._back,
-            self._lead,
-            self._badge,
-            self._name,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WRAP, BAR],
+        self.view = plain_row(
+            self._words, self._turn, self._back, self._lead, self._badge, self._name, stylesheets=[WRAP, BAR]
         )
         self._lay_out()
 

@@ -11,6 +11,7 @@ import panel_material_ui as pmui
 from dashboards.classroom import catalogue
 from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.sending import together
+from dashboards.style import plain_column, plain_row, wide_html
 from dashboards.teaching.bar_style import BAR, BUTTON, TOGGLE, WORDS
 from dashboards.teaching.class_link import class_link
 from dashboards.teaching.class_register import CLASSES
@@ -66,7 +67,7 @@ class TeacherBar:
             toggle.param.watch(lambda _event: self._count(), "value")
         self._large.param.watch(lambda event: self._enlarge(event.new), "value")
         self._list = pn.pane.HTML("", margin=(4, 12), visible=False, stylesheets=[STYLE])
-        self._invitation = pn.pane.HTML("", margin=0, sizing_mode="stretch_width", stylesheets=[STYLE])
+        self._invitation = wide_html(margin=0, stylesheets=[STYLE])
         self._dialog = pmui.Dialog(
             self._invitation,
             title="Open this link to follow",
@@ -74,7 +75,7 @@ class TeacherBar:
             show_close_button=True,
             close_on_click=True,
         )
-        line = pn.Row(
+        line = plain_row(
             self._words,
             self._start,
             self._offers,
@@ -83,18 +84,9 @@ class TeacherBar:
             self._names,
             self._large,
             self._end,
-            margin=0,
-            sizing_mode="stretch_width",
             stylesheets=[WRAP, BAR],
         )
-        self.view = pn.Column(
-            line,
-            self._list,
-            self._dialog,
-            margin=0,
-            sizing_mode="stretch_width",
-            styles={"flex": "0 0 auto"},
-        )
+        self.view = plain_column(line, self._list, self._dialog, styles={"flex": "0 0 auto"})
         self._lay_out()
         desk.document.add_periodic_callback(self._look, UPDATE)
 

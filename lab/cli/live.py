@@ -232,9 +232,9 @@ def navigate(
 
     _check_seconds(seconds)
     chosen = options.experiment(_ANY, config, card, assignments, None)
-    said = options.stream_options(units, columns, rate)
+    of_stream = options.stream_options(units, columns, rate)
     with (
-        _opened(source, said, _calibrated(calibration)) as (opened, go_on),
+        _opened(source, of_stream, _calibrated(calibration)) as (opened, go_on),
         publishing(to or (), hz) as publisher,
     ):
         try:

@@ -19,7 +19,7 @@ from dashboards.pages.lessons.homework_view import Answers, Doings, HomeworkView
 from dashboards.pages.lessons.lesson_list import HEADING, ROW, SUMMARY, TITLE, WIDTH
 from dashboards.sending import soon
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import plain_row, whole_column
 from dashboards.upload import Upload
 from lab.base.parameters.setting_error import SettingError
 from lab.classroom.homework.hand_in import HandInError, hand_in, hand_in_text
@@ -76,7 +76,7 @@ class HomeworkPart:
             width=WIDTH,
         )
         self._problem = Notice()
-        self.list_view = pn.Column(margin=(4, 8), sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self.list_view = whole_column(margin=(4, 8))
         if self.open is not None:
             self._view.show(self.open)
 
@@ -145,7 +145,7 @@ class HomeworkPart:
             button.on_click(lambda _event: self._show(found, shared=True))
         words = f"{found.best:g} points" if found else f'<div class="problem">{escape(entry.problem)}</div>'
         about = pn.pane.HTML(f"<div>{words}</div>", margin=(0, 4), stylesheets=[SUMMARY])
-        return pn.Row(button, about, margin=0, sizing_mode="stretch_width", stylesheets=[ROW])
+        return plain_row(button, about, stylesheets=[ROW])
 
     def _show(self, homework: Homework, *, shared: bool) -> None:
         """Open a homework; the name of one of the server is in the address from now on."""

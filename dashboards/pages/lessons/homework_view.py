@@ -17,7 +17,7 @@ import panel_material_ui as pmui
 from dashboards.exchange import Download
 from dashboards.pages.lessons.step_view import BUTTONS, CHOICES, TEXT, Choices
 from dashboards.seen_names import html_as_seen
-from dashboards.style import WHOLE
+from dashboards.style import plain_row, whole_column, wide_html
 from dashboards.upload import plain_name
 from lab.classroom.homework.hand_in import LONGEST_NAME, SUFFIX
 from lab.classroom.homework.homework import LONGEST_ANSWER, Homework, fault_titles
@@ -83,10 +83,10 @@ class HomeworkView:
 
     def __init__(self, doings: Doings) -> None:
         self._doings = doings
-        self._said = pn.pane.HTML("", margin=(2, 4), sizing_mode="stretch_width", stylesheets=[TEXT])
+        self._said = wide_html(margin=(2, 4), stylesheets=[TEXT])
         self._faults: Any = None
         self._entries: list[Any] = []
-        self.view = pn.Column(margin=(6, 12, 20, 12), sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self.view = whole_column(margin=(6, 12, 20, 12))
 
     def show(self, homework: Homework) -> None:
         """Show a homework, without answers."""
@@ -205,19 +205,16 @@ class HomeworkView:
         again.on_click(lambda _event: self._doings.begin())
         take = pmui.Button(label="Run with the settings at the left", icon="play_arrow", **common)
         take.on_click(lambda _event: self._doings.take())
-        return pn.Row(again, take, margin=0, sizing_mode="stretch_width", stylesheets=[BUTTONS])
+        return plain_row(again, take, stylesheets=[BUTTONS])
 
     def _away(self) -> pn.viewable.Viewable:
         away = pmui.Button(label="All lessons", icon="list", variant="text", size="small", margin=(14, 4))
         away.on_click(lambda _event: self._doings.close())
-        return pn.Row(away, margin=0, sizing_mode="stretch_width", stylesheets=[BUTTONS])
+        return plain_row(away, stylesheets=[BUTTONS])
 
     def _html(self, inside: str) -> pn.pane.HTML:
-        return pn.pane.HTML(
-            f'<div class="step">{html_as_seen(inside)}</div>',
-            margin=(2, 4),
-            sizing_mode="stretch_width",
-            stylesheets=[TEXT, PARTS],
+        return wide_html(
+            f'<div class="step">{html_as_seen(inside)}</div>', margin=(2, 4), stylesheets=[TEXT, PARTS]
         )
 
 

@@ -8,7 +8,7 @@ from html import escape
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.style import WHOLE
+from dashboards.style import plain_row, whole_column
 from lab.classroom.lessons.catalogue import Entry
 from lab.classroom.lessons.lesson import Lesson
 
@@ -55,7 +55,7 @@ class LessonList:
 
     def __init__(self, open_lesson: Callable[[Key], None]) -> None:
         self._open = open_lesson
-        self.view = pn.Column(margin=(4, 8), sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self.view = whole_column(margin=(4, 8))
 
     def show(self, entries: Sequence[Entry], solved: Mapping[Key, set[int]]) -> None:
         """Show lessons, and how many steps of each are solved."""
@@ -80,7 +80,7 @@ class LessonList:
         key = entry.origin, entry.name
         button.on_click(lambda _event: self._open(key))
         words = pn.pane.HTML(_describe(entry, solved), margin=(0, 4), stylesheets=[SUMMARY])
-        return pn.Row(button, words, margin=0, sizing_mode="stretch_width", stylesheets=[ROW])
+        return plain_row(button, words, stylesheets=[ROW])
 
 
 def _describe(entry: Entry, solved: set[int]) -> str:

@@ -17,7 +17,7 @@ from dashboards.pages.lessons.lesson_list import Key, LessonList
 from dashboards.pages.lessons.step_view import Actions, StepView
 from dashboards.sending import soon
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column
 from dashboards.teaching.school_class import MOST_STEPS
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
@@ -86,7 +86,7 @@ class Lessons(Page):
         self._list = LessonList(self._open)
         self._homework = HomeworkPart(self._session, self._homework_changed)
         self._step = StepView(Actions(self._apply, self._look, self._ask, self._turn, self._close_lesson))
-        self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self._stage = whole_column()
         self._lay_out()
         return self._stage
 

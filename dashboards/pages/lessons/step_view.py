@@ -15,7 +15,7 @@ import panel_material_ui as pmui
 
 from dashboards.pages.lessons.lesson_list import progress_html
 from dashboards.seen_names import html_as_seen
-from dashboards.style import WHOLE
+from dashboards.style import plain_row, whole_column, wide_html
 from lab.classroom.exercises.exercise import Outcome
 from lab.classroom.lessons.lesson import Answer, Lesson, Step
 from lab.classroom.lessons.text import text_html
@@ -91,10 +91,10 @@ class StepView:
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
-        self._said = pn.pane.HTML("", margin=(2, 4), sizing_mode="stretch_width", stylesheets=[TEXT])
-        self._head = pn.pane.HTML("", margin=(2, 4), sizing_mode="stretch_width", stylesheets=[TEXT])
+        self._said = wide_html(margin=(2, 4), stylesheets=[TEXT])
+        self._head = wide_html(margin=(2, 4), stylesheets=[TEXT])
         self._entry: Any = None
-        self.view = pn.Column(margin=(6, 12, 20, 12), sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self.view = whole_column(margin=(6, 12, 20, 12))
 
     def show(self, lesson: Lesson, number: int, solved: set[int], *, has_next: bool) -> None:
         """Show a step of a lesson, without an answer; after the last one, a next lesson may follow."""
@@ -136,12 +136,7 @@ class StepView:
         self._said.object = f'<div class="step"><div class="said {kind}">{html_as_seen(inside)}</div></div>'
 
     def _html(self, inside: str) -> pn.pane.HTML:
-        return pn.pane.HTML(
-            f'<div class="step">{html_as_seen(inside)}</div>',
-            margin=(2, 4),
-            sizing_mode="stretch_width",
-            stylesheets=[TEXT],
-        )
+        return wide_html(f'<div class="step">{html_as_seen(inside)}</div>', margin=(2, 4), stylesheets=[TEXT])
 
     def _answer(self, step: Step) -> Answer:
         """Return the answer as it is typed or chosen; a hand-made message may contain any value."""
@@ -164,7 +159,7 @@ class StepView:
             look = pmui.Button(label=f"Look at {step.page}{at}", icon="visibility", **common)
             look.on_click(lambda _event: self._actions.look())
             buttons.append(look)
-        return pn.Row(*buttons, margin=0, sizing_mode="stretch_width", stylesheets=[BUTTONS])
+        return plain_row(*buttons, stylesheets=[BUTTONS])
 
     def _ways(self, lesson: Lesson, number: int, *, has_next: bool) -> pn.viewable.Viewable:
         """Return the buttons to the steps before and after, to the next lesson, and to the list."""
@@ -177,7 +172,7 @@ class StepView:
         on.on_click(lambda _event: self._actions.turn(1))
         away = pmui.Button(label="All lessons", icon="list", **common)
         away.on_click(lambda _event: self._actions.close())
-        return pn.Row(back, on, away, margin=0, sizing_mode="stretch_width", stylesheets=[BUTTONS])
+        return plain_row(back, on, away, stylesheets=[BUTTONS])
 
 
 def _entry(step: Step) -> Any:

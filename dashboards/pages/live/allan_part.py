@@ -18,7 +18,7 @@ from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.sending import soon, together
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.analysis import allan, rest
 from lab.base.progress import Progress
 from lab.live.bench.growing_allan import LEAST_FOR_CARD, GrowingAllan
@@ -55,7 +55,7 @@ class AllanPart(PartOfWatched):
         self._figures = AllanFigures()
         self._grid = hideable(plot_grid(self._figures.figures, 2, least=360, beside=ABOVE))
         self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
-        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._words = wide_html(margin=(4, 10))
         self._wanted = pmui.Select(
             label="Wanted τ", options=list(WANTED), value="100 s", size="small", margin=(8, 4), **sized(110)
         )
@@ -63,16 +63,9 @@ class AllanPart(PartOfWatched):
         self._maker = CardMaker(lambda: self._station, _records)
         self._maker.view.insert(0, self._wanted)
         self._spectrum = SpectrumPart(self._session)
-        self.view = pn.Column(
-            self._words,
-            self._maker.view,
-            self._maker.job.view,
-            self._grid,
-            self._spectrum.view,
-            sizing_mode="stretch_width",
-            margin=0,
-            stylesheets=[WHOLE],
-        )  # fmt: skip
+        self.view = whole_column(
+            self._words, self._maker.view, self._maker.job.view, self._grid, self._spectrum.view
+        )
 
     @property
     def card(self) -> Card | None:

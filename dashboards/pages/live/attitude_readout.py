@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import panel as pn
 
 from dashboards.pages.base import NARROW
+from dashboards.style import wide_html
 from lab.data.streams.source_status import ENDED, OPENING, STREAMING
 from lab.live.live_state import LiveState
 
@@ -46,9 +46,7 @@ class AttitudeReadout:
 
     def __init__(self) -> None:
         self._source = OPENING
-        self.view = pn.pane.HTML(
-            "", visible=False, sizing_mode="stretch_width", margin=(8, 10, 2, 10), stylesheets=[_STYLE]
-        )
+        self.view = wide_html(visible=False, margin=(8, 10, 2, 10), stylesheets=[_STYLE])
 
     def clear(self) -> None:
         """Show nothing: there is no source."""

@@ -16,7 +16,7 @@ from dashboards.algorithms import live_places
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import sized
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.base.arrays import FloatArray
 from lab.live.beside.attitude_comparison import DEVICE, OURS, AttitudeComparison, Difference
 from lab.live.beside.own_algorithm import OwnAlgorithm
@@ -57,7 +57,7 @@ class AttitudesPart(PartOfWatched):
         self._places = live_places()
         self._anew = begin_anew
         self._figures = LiveAttitudeFigures(window)
-        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[_TABLE])
+        self._words = wide_html(margin=(4, 10), stylesheets=[_TABLE])
         self._grid = hideable(plot_grid(self._figures.figures, 3, least=280, beside=ABOVE))
         names = list(self._places)
         self._choice = pmui.Select(
@@ -70,10 +70,7 @@ class AttitudesPart(PartOfWatched):
             **sized(240),
         )
         self._choice.param.watch(lambda _event: self._anew(), "value")
-        self.view = pn.Column(
-            pn.Row(self._choice, margin=0), self._grid, self._words,
-            sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE],
-        )  # fmt: skip
+        self.view = whole_column(pn.Row(self._choice, margin=0), self._grid, self._words)
         self.watch(None)
 
     def watch(self, watched: Watched | None) -> None:

@@ -13,8 +13,8 @@ import panel_material_ui as pmui
 from dashboards.notice import Notice
 from dashboards.pages.live.field_part import FieldPart
 from dashboards.pages.live.watched import PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import WRAP, sized
-from dashboards.style import WHOLE
+from dashboards.pages.missions.entry_fields import WRAP, fields_row, sized
+from dashboards.style import plain_row, whole_column, wide_html
 from dashboards.upload import Upload, without_folder
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.toml_file import MAX_BYTES
@@ -80,13 +80,11 @@ class AxesPart(PartOfWatched):
         self._buttons: list[Any] = []
         rows = [self._row(name) for name in _WORDS]
         self._notice = Notice()
-        self._picture = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
-        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._picture = wide_html(margin=(4, 10))
+        self._words = wide_html(margin=(4, 10))
         self._use = pmui.Button(label="Use these axes", icon="check", color="primary", margin=(6, 8))
         self._use.on_click(lambda _event: self._apply())
-        self._rights = pn.pane.HTML(
-            f"<p>{OTHERS_AXES}</p>", visible=False, margin=(4, 10), sizing_mode="stretch_width"
-        )
+        self._rights = wide_html(f"<p>{OTHERS_AXES}</p>", visible=False, margin=(4, 10))
         self._anew = pmui.Button(label="Start over", icon="restart_alt", **_SMALL)
         self._anew.on_click(lambda _event: self._forget())
         self._calibration = Upload(
@@ -94,10 +92,10 @@ class AxesPart(PartOfWatched):
             accept=".toml", **_SMALL,
         )  # fmt: skip
         self._field = FieldPart()
-        self.view = pn.Column(
-            pn.pane.HTML(_INTRODUCTION, margin=(4, 10), sizing_mode="stretch_width"),
+        self.view = whole_column(
+            wide_html(_INTRODUCTION, margin=(4, 10)),
             self._notice.view,
-            pn.Row(
+            fields_row(
                 pn.Column(*rows, margin=0, **_share(380)),
                 pn.Column(
                     self._words,
@@ -107,14 +105,8 @@ class AxesPart(PartOfWatched):
                     margin=0,
                     **_share(380),
                 ),
-                margin=0,
-                stylesheets=[WRAP],
-                sizing_mode="stretch_width",
             ),
             self._field.view,
-            sizing_mode="stretch_width",
-            margin=0,
-            stylesheets=[WHOLE],
         )
         self.watch(None)
 
@@ -146,10 +138,10 @@ class AxesPart(PartOfWatched):
     def _row(self, name: str) -> pn.Row:
         button = pmui.Button(label="Capture", **_SMALL, **sized(100))
         button.on_click(lambda _event: self._accept(name))
-        shown = pn.pane.HTML("", margin=(8, 6), sizing_mode="stretch_width")
+        shown = wide_html(margin=(8, 6))
         self._shown[name] = shown
         self._buttons.append(button)
-        return pn.Row(button, shown, margin=0, sizing_mode="stretch_width")
+        return plain_row(button, shown)
 
     def _accept(self, name: str) -> None:
         if self._station is None:

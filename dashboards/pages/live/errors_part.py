@@ -6,12 +6,11 @@ from collections import deque
 from html import escape
 
 import numpy as np
-import panel as pn
 
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
 from dashboards.seen_names import as_seen
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_state import HistoryCursor
 from lab.motion.truth.growing_truth import TrueMotion
@@ -44,14 +43,11 @@ class ErrorsPart(PartOfWatched):
         self._cursor = HistoryCursor()
         self._recent: deque[LiveErrors] = deque()
         self._figures = LiveErrorFigures(window)
-        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._words = wide_html(margin=(4, 10))
         figures = self._figures.figures
         self._of_position = hideable(plot_grid(figures[:6], 3, 205, beside=ABOVE))
         self._of_attitude = hideable(plot_grid(figures[6:], 3, 205, beside=ABOVE))
-        self.view = pn.Column(
-            self._words, self._of_position, self._of_attitude,
-            sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE],
-        )  # fmt: skip
+        self.view = whole_column(self._words, self._of_position, self._of_attitude)
         self.watch(None)
 
     def watch(self, watched: Watched | None) -> None:

@@ -6,11 +6,10 @@ from html import escape
 from typing import NamedTuple
 
 import numpy as np
-import panel as pn
 
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, LookingPart, Watched
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.base.arrays import FloatArray
 from lab.data.streams.axis_map import AxisMap
 from lab.live.bench.field_sphere import FieldSphere, sphere_of
@@ -44,11 +43,9 @@ class FieldPart(LookingPart):
         super().__init__()
         self._axes, self._since = AxisMap(), 0  # axes of the samples from this one on
         self._figures = FieldFigures()
-        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._words = wide_html(margin=(4, 10))
         grid = plot_grid(self._figures.figures, 3, least=260, beside=ABOVE)
-        self.view = hideable(
-            pn.Column(self._words, grid, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
-        )
+        self.view = hideable(whole_column(self._words, grid))
 
     def watch(self, watched: Watched | None) -> None:
         """Show another source, or none."""

@@ -8,6 +8,7 @@ from typing import Any
 import panel as pn
 
 from dashboards.phones import phone_server
+from dashboards.style import wide_html
 from lab.live import open as open_source
 from lab.live.phone.phone import INVITED
 from lab.live.station import Station
@@ -36,7 +37,7 @@ class Inviting:
         self._came: Callable[[int, str], None] = lambda _key, _name: None
         self._expired: Callable[[], None] = lambda: None
         self._looking: Any = None
-        self.view = pn.pane.HTML("", visible=False, sizing_mode="stretch_width", margin=(4, 10))
+        self.view = wide_html(visible=False, margin=(4, 10))
 
     @property
     def waiting(self) -> bool:

@@ -24,11 +24,11 @@ from dashboards.pages.live.status_line import NO_SOURCE, StatusLine
 from dashboards.pages.live.twin_part import TwinPart
 from dashboards.pages.live.wanted import not_as_wanted
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.pages.missions.entry_fields import fields_row, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import together
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column
 from lab.data.streams.ring import Cursor
 from lab.experiment.result import Result
 from lab.live.live_state import HistoryCursor
@@ -128,22 +128,19 @@ class Live(PartOfWatched, Page):
             options=list(self._parts), value=PLOTS, size="small", margin=(10, 4), color="primary"
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
-        self._stage = pn.Column(self._plots, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
-        row: dict[str, Any] = {"margin": 0, "stylesheets": [WRAP], "sizing_mode": "stretch_width"}
-        return pn.Column(
+        self._stage = whole_column(self._plots)
+        return whole_column(
             self._readout.view,
             self._status.view,
             self._status.details,
             self._question.view,
             self._fields.view,
-            pn.Row(*self._buttons(), *self._recorder.widgets, self._choice, **row),
+            fields_row(*self._buttons(), *self._recorder.widgets, self._choice),
             self._job.view,
             self._inviting.view,
             self._recorder.view,
             self._stage,
-            sizing_mode="stretch_width",
             margin=(8, 8, 12, 8),
-            stylesheets=[WHOLE],
         )
 
     def _buttons(self) -> list[pn.viewable.Viewable]:

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.notice import Notice
 from dashboards.pages.live.watched import PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.style import plain_column, wide_html
 from lab.data.protocols.column_guess import cells_to_name
 from lab.data.protocols.column_map import IGNORED, QUANTITIES, ColumnMapError
 from lab.data.streams.source_status import Status
@@ -62,19 +62,14 @@ class QuestionPart(PartOfWatched):
         self._units: tuple[str, ...] = ()
         self._count = 0
         self.notice = Notice()
-        self.buttons = pn.Row(margin=0, stylesheets=[WRAP], sizing_mode="stretch_width", visible=False)
-        self._lines = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
-        self._choices = pn.Row(margin=0, stylesheets=[WRAP], sizing_mode="stretch_width")
+        self.buttons = fields_row(visible=False)
+        self._lines = wide_html(margin=(4, 10))
+        self._choices = fields_row()
         self._use = pmui.Button(label="Use these columns", icon="check", color="primary", margin=(6, 8))
         self._use.on_click(lambda _event: self._name())
-        self._command = pn.pane.HTML("", margin=(2, 10), sizing_mode="stretch_width")
-        self.chooser = pn.Column(
-            self._lines, self._choices, self._use, self._command, margin=0, visible=False,
-            sizing_mode="stretch_width",
-        )  # fmt: skip
-        self.view = pn.Column(
-            self.notice.view, self.buttons, self.chooser, margin=0, sizing_mode="stretch_width"
-        )
+        self._command = wide_html(margin=(2, 10))
+        self.chooser = plain_column(self._lines, self._choices, self._use, self._command, visible=False)
+        self.view = plain_column(self.notice.view, self.buttons, self.chooser)
 
     def watch(self, watched: Watched | None) -> None:
         """Ask about another source, or none."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from html import escape
 
-import panel as pn
-
 from dashboards.pages.base import NARROW
 from dashboards.pages.live.watched import LookingPart, Watched
+from dashboards.style import wide_html
 from lab.data.protocols.catalogue import last_frames
 from lab.live.station import Station
 
@@ -45,7 +44,7 @@ class RawPart(LookingPart):
 
     def __init__(self) -> None:
         super().__init__()
-        self.view = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[_STYLE])
+        self.view = wide_html(margin=(4, 10), stylesheets=[_STYLE])
         self.watch(None)
 
     def watch(self, watched: Watched | None) -> None:

@@ -15,6 +15,7 @@ from dashboards.pages.live.watched import PartOfWatched, Watched
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
+from dashboards.style import plain_column, plain_row
 from dashboards.visitors import may_edit
 from lab.base.progress import Progress
 from lab.data.streams.raw_recording import SUFFIX
@@ -69,12 +70,7 @@ class Recorder(PartOfWatched):
             label="Open", icon="arrow_forward", visible=False, size="small", margin=(10, 4)
         )
         self._open.on_click(lambda _event: self._show_mission())
-        self.view = pn.Column(
-            pn.Row(self._job.view, self._open, margin=0, sizing_mode="stretch_width"),
-            self.offer.view,
-            margin=0,
-            sizing_mode="stretch_width",
-        )
+        self.view = plain_column(plain_row(self._job.view, self._open), self.offer.view)
         self._field = pmui.TextInput(
             label="Recording", value="recording", size="small", variant="outlined", margin=(8, 4),
             **sized(140),

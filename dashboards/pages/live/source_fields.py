@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS, allowed_devices
 from dashboards.field_text import number
 from dashboards.pages.live.wanted import Wanted
-from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.pages.missions.entry_fields import fields_row, sized
 from dashboards.session import Session
+from dashboards.style import plain_column, wide_html
 from lab.base.cache import digest
 from lab.base.parameters.setting_error import SettingError
 from lab.data.protocols.catalogue import DECODERS, ENCODERS
@@ -151,18 +151,20 @@ class SourceFields:
         self._heading = pmui.TextInput(
             label="Initial heading [°]", placeholder="found out", **_FIELD, **sized(170)
         )
-        self._note = pn.pane.HTML(
-            "", margin=(0, 6), sizing_mode="stretch_width", styles={"opacity": "0.7", "font-size": "13px"}
-        )
-        self.view = pn.Column(
-            pn.Row(
-                self._source, self._device, self._rate, self._faults, self._protocol, self._columns,
-                self._axes, self._heading, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
+        self._note = wide_html(margin=(0, 6), styles={"opacity": "0.7", "font-size": "13px"})
+        self.view = plain_column(
+            fields_row(
+                self._source,
+                self._device,
+                self._rate,
+                self._faults,
+                self._protocol,
+                self._columns,
+                self._axes,
+                self._heading,
             ),
             self._note,
-            margin=0,
-            sizing_mode="stretch_width",
-        )  # fmt: skip
+        )
         self._turn()
 
     def refresh(self) -> None:

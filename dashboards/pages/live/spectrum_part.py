@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import panel as pn
 from numpy.typing import NDArray
 
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, LookingPart, Watched
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.live.station import Station
 from lab.live.stream_statistics import SEGMENT, Spectrum, spectrum_of
 from lab.sensors.suite import TRIADS
@@ -45,11 +44,9 @@ class SpectrumPart(LookingPart):
         super().__init__()
         self._session = session
         self._figures = SpectrumFigures("the settings")
-        words = pn.pane.HTML(_WORDS, margin=(4, 10), sizing_mode="stretch_width")
+        words = wide_html(_WORDS, margin=(4, 10))
         grid = plot_grid(self._figures.figures, 2, least=300, beside=ABOVE)
-        self.view = hideable(
-            pn.Column(words, grid, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])
-        )
+        self.view = hideable(whole_column(words, grid))
 
     def watch(self, watched: Watched | None) -> None:
         """Show another source, or none."""

@@ -9,8 +9,9 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.missions.entry_fields import WRAP
+from dashboards.pages.missions.entry_fields import fields_row
 from dashboards.seen_names import as_seen
+from dashboards.style import plain_column
 from lab.base.parameters.counted import counted
 from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
 from lab.live.live_state import ATTITUDE_ONLY, NAVIGATING, WAITING, LiveState
@@ -72,13 +73,7 @@ class StatusLine:
         )
         self._fold.on_click(lambda _event: self._turn())
         self._told: tuple[Status, LiveState, str] | None = None
-        self.view = pn.Column(
-            pn.Row(self.strip, self._fold, margin=0, sizing_mode="stretch_width", stylesheets=[WRAP]),
-            self.hint,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[_STAYS],
-        )
+        self.view = plain_column(fields_row(self.strip, self._fold), self.hint, stylesheets=[_STAYS])
         self.say(NO_SOURCE)
 
     def say(self, sentence: str) -> None:

@@ -6,15 +6,14 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.base import hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.pages.missions.entry_fields import fields_row, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.analysis.rest import with_noise
 from lab.experiment.experiment import Experiment
 from lab.live.station import Station
@@ -49,7 +48,7 @@ class TwinPart(PartOfWatched):
     def __init__(self, session: Session, measured: Callable[[], Card | None]) -> None:
         self._session, self._measured = session, measured
         self._figures = TwinFigures()
-        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._words = wide_html(margin=(4, 10))
         self._sensors = pmui.Select(
             label="Simulated sensors", options=[SETTINGS, MEASURED], value=SETTINGS, size="small",
             margin=(8, 4), **sized(240),
@@ -59,20 +58,11 @@ class TwinPart(PartOfWatched):
         )
         self._compare.on_click(lambda _event: self._start())
         self._job = Job()
-        self._table = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[STYLE])
+        self._table = wide_html(margin=(4, 10), stylesheets=[STYLE])
         self._grid = hideable(plot_grid(self._figures.figures, 2, least=300, beside=ABOVE))
-        self.view = pn.Column(
-            self._words,
-            pn.Row(
-                self._sensors, self._compare, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width"
-            ),
-            self._job.view,
-            self._table,
-            self._grid,
-            sizing_mode="stretch_width",
-            margin=0,
-            stylesheets=[WHOLE],
-        )  # fmt: skip
+        self.view = whole_column(
+            self._words, fields_row(self._sensors, self._compare), self._job.view, self._table, self._grid
+        )
 
     def watch(self, watched: Watched | None) -> None:
         """Compare another source, or none."""

@@ -11,7 +11,8 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS
-from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.style import plain_column, wide_html
 from dashboards.visitors import may_edit
 from lab.base.files.deleted_files import DeletedFiles
 from lab.base.files.mission_error import MissionError
@@ -61,17 +62,14 @@ class UnfinishedPart:
         self._choice.param.watch(lambda _event: self._chosen(), "value")
         self._add.on_click(lambda _event: self._finish())
         self._drop.on_click(lambda _event: self._discard())
-        words = pn.pane.HTML(
+        words = wide_html(
             "<p style='margin:2px 0'>A recording was not finished, because its page or the server ended. "
             "Its bytes are kept: name it, or discard it.</p>",
-            sizing_mode="stretch_width", margin=(4, 10),
-        )  # fmt: skip
-        row = pn.Row(
-            self._choice, self._name, self._add, self._drop,
-            margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
-        )  # fmt: skip
-        self._offer = pn.Column(words, row, visible=False, margin=0, sizing_mode="stretch_width")
-        self.view = pn.Column(self._offer, self._back, margin=0, sizing_mode="stretch_width")
+            margin=(4, 10),
+        )
+        row = fields_row(self._choice, self._name, self._add, self._drop)
+        self._offer = plain_column(words, row, visible=False)
+        self.view = plain_column(self._offer, self._back)
 
     def follow(self) -> None:
         """Look at the folder, now and then, until `rest`."""

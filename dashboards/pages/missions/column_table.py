@@ -8,13 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
 import param
 from panel.custom import JSComponent
 
-from dashboards.pages.missions.entry_fields import WRAP, sized
-from dashboards.style import WHOLE
+from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.style import whole_column, wide_html
 from dashboards.titled import Card
 from lab.data.files.unit_names import UNITS
 from lab.data.sheets.column_names import IGNORED, SCALARS, VECTORS, kind_of
@@ -92,29 +91,21 @@ class ColumnTable:
             label="Profile called", value="My logger", size="small", variant="outlined", margin=(6, 4),
             max_length=_MAX_NAME, **sized(190),
         )  # fmt: skip
-        self._said = pn.pane.HTML("", margin=(0, 4), sizing_mode="stretch_width")
+        self._said = wide_html(margin=(0, 4))
         download = pmui.FileDownload(
             callback=self._toml, filename="profile.toml", label="Download", variant="outlined", size="small",
             margin=(8, 4),
         )  # fmt: skip
-        note = pn.pane.HTML(
-            f"<p style='margin:0'>{_NOTE}</p>", sizing_mode="stretch_width", styles={"font-size": "13px"}
-        )
-        buttons = pn.Row(
+        note = wide_html(f"<p style='margin:0'>{_NOTE}</p>", styles={"font-size": "13px"})
+        buttons = fields_row(
             self._button("Apply", self._applied, "contained"),
             self._back,
             self._name,
             self._button("Keep as a profile", self._keep),
             download,
-            stylesheets=[WRAP],
-            margin=0,
-            sizing_mode="stretch_width",
         )
         self.view = Card(
-            pn.Column(
-                note, self._table, buttons, self._said, margin=(0, 8, 8, 8), sizing_mode="stretch_width",
-                stylesheets=[WHOLE],
-            ),
+            whole_column(note, self._table, buttons, self._said, margin=(0, 8, 8, 8)),
             title="What the columns are",
             title_variant="subtitle2",
             variant="outlined",

@@ -10,6 +10,7 @@ import panel_material_ui as pmui
 
 from dashboards.computing import WRITING
 from dashboards.pages.missions.job import Job
+from dashboards.style import plain_column
 from lab.base.progress import Progress
 
 
@@ -50,7 +51,7 @@ class Dialog:
 
     def __init__(self, title: str, word: str, act: Callable[[], Act], color: str = "primary") -> None:
         self._act = act
-        self.body = pn.Column(margin=0, sizing_mode="stretch_width")
+        self.body = plain_column()
         self._job = Job(pool=WRITING)
         cancel = pmui.Button(label="Cancel", variant="text", color="default", margin=(6, 4))
         cancel.on_click(lambda _event: self._close())

@@ -12,12 +12,12 @@ import panel_material_ui as pmui
 
 from dashboards.notice import Notice
 from dashboards.pages.missions.column_table import ColumnTable
-from dashboards.pages.missions.entry_fields import WRAP
+from dashboards.pages.missions.entry_fields import fields_row
 from dashboards.pages.missions.import_fields import ColumnField, SettingFields, UnitFields
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import WHOLE, plain_column, whole_column, wide_html
 from dashboards.upload import without_folder
 from lab.base.progress import Progress
 from lab.data.formats import may_be_table, read_raw
@@ -85,7 +85,7 @@ class Draft:
         self._read: _Read | None = None
         self._settings = ImportSettings()
         self._verdict = Notice()
-        self._preview = pn.Column(margin=0, sizing_mode="stretch_width", height=HIGH, stylesheets=[PREVIEW])
+        self._preview = plain_column(height=HIGH, stylesheets=[PREVIEW])
         self._report = _report_pane()
         self._fields = SettingFields(self._settings, self._rebuild)
         self._units = UnitFields(self._reread)
@@ -93,46 +93,26 @@ class Draft:
         self._table = ColumnTable(self._columns.add, self._columns.undo)
         self._log_report = _report_pane()
         self._naming = Naming("flight", "")
-        self._question = pn.pane.HTML("", margin=(14, 8, 0, 8), sizing_mode="stretch_width")
+        self._question = wide_html(margin=(14, 8, 0, 8))
         self._add = pmui.Button(label=SIMULATE, margin=(10, 4))
         self._add.on_click(lambda _event: self._start_adding(as_log=False))
         self._add_log = pmui.Button(label=NAVIGATE, margin=(10, 4))
         self._add_log.on_click(lambda _event: self._start_adding(as_log=True))
         self._body = self._layout()
-        self.view = pn.Column(
-            self._job.view,
-            self._table.view,
-            self._columns.view,
-            self._body,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
-        )
+        self.view = whole_column(self._job.view, self._table.view, self._columns.view, self._body)
 
     def _layout(self) -> pn.Column:
         """Return the verdict, the name, the preview, and the reports beside the fields; hidden at first."""
-        naming = pn.Row(
-            self._naming.view,
-            self._add,
-            self._add_log,
-            margin=0,
-            stylesheets=[WRAP],
-            sizing_mode="stretch_width",
-        )
-        reports = pn.Column(
-            self._report, self._log_report, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE]
-        )
+        naming = fields_row(self._naming.view, self._add, self._add_log)
+        reports = whole_column(self._report, self._log_report)
         fields = pn.Column(self._fields.view, self._units.view, margin=0, stylesheets=[WHOLE])
-        return pn.Column(
+        return whole_column(
             self._verdict.view,
             self._question,
             naming,
             self._preview,
-            pn.Column(reports, fields, stylesheets=[GRID], margin=0, sizing_mode="stretch_width"),
+            plain_column(reports, fields, stylesheets=[GRID]),
             visible=False,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
         )
 
     def read(self, paths: Sequence[Path]) -> None:
@@ -309,7 +289,7 @@ class Draft:
 
 
 def _report_pane() -> pn.pane.HTML:
-    return pn.pane.HTML("", margin=(4, 4), sizing_mode="stretch_width", stylesheets=[REPORT_STYLE])
+    return wide_html(margin=(4, 4), stylesheets=[REPORT_STYLE])
 
 
 def _log_of(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | None, str]:
@@ -355,4 +335,4 @@ def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:
     track, times = preview_figures(flight)
     yield pn.pane.Bokeh(track, height=HIGH, sizing_mode="stretch_width", margin=0)
     panes = [pn.pane.Bokeh(one, height=HIGH // 5, sizing_mode="stretch_width", margin=0) for one in times]
-    yield pn.Column(*panes, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+    yield whole_column(*panes)

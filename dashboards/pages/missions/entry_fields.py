@@ -11,6 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.field_text import number
+from dashboards.style import plain_row
 from lab.flying.plan_table import Entry, Limits, entries
 
 WRAP = ":host { flex-wrap: wrap; min-width: 0 !important; }"
@@ -23,6 +24,11 @@ def sized(width: int) -> dict[str, Any]:
         "sizing_mode": "stretch_width",
         "stylesheets": [f":host {{ flex: 0 0 {width}px !important; width: {width}px !important; }}"],
     }
+
+
+def fields_row(*fields: Any, **settings: Any) -> pn.Row:
+    """Return a row of fields that wraps."""
+    return plain_row(*fields, stylesheets=[WRAP], **settings)
 
 
 class EntryFields:
@@ -57,7 +63,7 @@ class EntryFields:
             value = values.get(name, defaults[name])
             self._fields[name] = made = _field(entry, value, (limits or {}).get(name, entry.limits))
             made.param.watch(lambda _event: changed(), "value")
-        self.view = pn.Row(*self._fields.values(), stylesheets=[WRAP], margin=0, sizing_mode="stretch_width")
+        self.view = fields_row(*self._fields.values())
 
     def read(self) -> dict[str, Any]:
         """Return the values of the fields, in the form of a plan's table; empty fields are omitted."""

@@ -8,18 +8,17 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import SupersededError
 from dashboards.mission_titles import mission_titles
 from dashboards.notice import Notice
-from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.pages.missions.entry_fields import fields_row, sized
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
 from dashboards.pages.missions.plan_editor import PlanEditor
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column
 from lab.base.parameters.toml_file import toml_text
 from lab.base.progress import Progress
 from lab.missions import FlightPlan, Mission, MissionError, add_mission, fly, missions
@@ -60,15 +59,12 @@ class Flying:
         self._fly = pmui.Button(label="Fly this plan", icon="flight_takeoff", color="primary", margin=(10, 4))
         self._fly.on_click(lambda _event: self._start())
         self._editor = PlanEditor(self._check)
-        self.view = pn.Column(
-            pn.Row(self._load, load, save, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width"),
+        self.view = whole_column(
+            fields_row(self._load, load, save),
             self._editor.view,
             self._state.view,
-            pn.Row(self._naming.view, self._fly, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width"),
+            fields_row(self._naming.view, self._fly),
             self._job.view,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
         )
         self._accept(next(iter(plans)))
         session.on_library(self._offer)

@@ -8,7 +8,7 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.style import WHOLE
+from dashboards.style import whole_column
 from dashboards.titled import Card
 from dashboards.widgets import Field, field
 from lab.data.files.unit_names import UNITS
@@ -58,7 +58,7 @@ class UnitFields:
         self._changed = changed
         self._chosen: dict[str, str] = {}
         self._columns: tuple[str, ...] = ()
-        self._list = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self._list = whole_column()
         self.view = _card("Units", self._list)
 
     def chosen(self) -> Mapping[str, str]:
@@ -206,7 +206,7 @@ def _alike(unit: str) -> list[str]:
 
 def _card(title: str, *content: pn.viewable.Viewable) -> pn.viewable.Viewable:
     return Card(
-        pn.Column(*content, margin=(0, 8, 8, 8), sizing_mode="stretch_width", stylesheets=[WHOLE]),
+        whole_column(*content, margin=(0, 8, 8, 8)),
         title=title,
         title_variant="subtitle2",
         variant="outlined",

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import panel as pn
-
 from dashboards.pages.missions.draft import Draft
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from dashboards.upload import MAX_BYTES, Upload
 from lab.data.formats import READERS
 
@@ -32,21 +30,13 @@ class Importing:
             sx={"borderStyle": "dashed", "padding": "22px"},
         )
         formats = ", ".join(reader.name for reader in READERS)
-        note = pn.pane.HTML(
+        note = wide_html(
             f"<p>The format is detected from the content, whatever the file name: {formats}. Up to "
             f"{MAX_BYTES // 2**20} MB.</p>",
             margin=(0, 6),
-            sizing_mode="stretch_width",
             styles={"opacity": "0.7", "font-size": "13px"},
         )
-        self.view = pn.Column(
-            self._upload,
-            note,
-            self._draft.view,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
-        )
+        self.view = whole_column(self._upload, note, self._draft.view)
 
     def refresh(self) -> None:
         """Do nothing: this part does not depend on the missions."""

@@ -16,7 +16,7 @@ from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.sending import soon, together
-from dashboards.style import WRAP
+from dashboards.style import WRAP, plain_column, plain_row
 from lab.base.progress import Progress
 
 TELL = 0.25
@@ -58,16 +58,15 @@ class Job:
         self._told = 0.0
         self._bar = pmui.LinearProgress(value=0, max=100, sizing_mode="stretch_width", margin=(14, 8))
         self._words = pn.pane.HTML("", margin=(4, 4), **sized(210))
-        self._row = pn.Row(
-            self._words, self._bar, visible=False, sizing_mode="stretch_width", margin=0,
-            stylesheets=[WRAP] if cancel is None else [],
-        )  # fmt: skip
+        self._row = plain_row(
+            self._words, self._bar, visible=False, stylesheets=[WRAP] if cancel is None else []
+        )
         if cancel is not None:
             button = pmui.Button(label="Cancel", size="small", variant="outlined", margin=(4, 4))
             button.on_click(lambda _event: cancel())
             self._row.append(button)
         self._after = Notice(closeable)
-        self.view = pn.Column(self._row, self._after.view, sizing_mode="stretch_width", margin=0)
+        self.view = plain_column(self._row, self._after.view)
 
     @property
     def busy(self) -> bool:

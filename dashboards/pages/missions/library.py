@@ -15,6 +15,7 @@ from dashboards.pages.missions.cards import MissionCards, Question, all_cards, d
 from dashboards.pages.missions.dialog import Act, Dialog, fill
 from dashboards.sending import soon, together
 from dashboards.session import Session
+from dashboards.style import plain_column, wide_html
 from dashboards.visitors import may_edit
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
@@ -58,7 +59,7 @@ class Library:
         self._tags = pmui.TextInput(label="Tags, with commas between", **FIELD)
         self._changing.body[:] = [self._name, self._title, self._words, self._tags]
         self._deleting = Dialog("Delete mission?", "Delete", self._delete, color="error")
-        self._what = pn.pane.HTML("", margin=(4, 8), sizing_mode="stretch_width")
+        self._what = wide_html(margin=(4, 8))
         self._deleting.body[:] = [self._what]
         self._about = ""
         self._message = Notice(closeable=True)
@@ -69,15 +70,7 @@ class Library:
         self._back.on_click(lambda _event: self._bring_back())
         # Without dialogs in the page, a hand-made message has no button to press.
         dialogs = [self._changing.view, self._deleting.view] if self._may_edit else []
-        self.view = pn.Column(
-            self._message.view,
-            self._back,
-            self._filter,
-            self._cards,
-            *dialogs,
-            sizing_mode="stretch_width",
-            margin=0,
-        )
+        self.view = plain_column(self._message.view, self._back, self._filter, self._cards, *dialogs)
         session.on_library(self._changed)
 
     def refresh(self) -> None:

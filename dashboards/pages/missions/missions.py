@@ -14,7 +14,7 @@ from dashboards.pages.missions.importing import Importing
 from dashboards.pages.missions.library import Library
 from dashboards.pages.missions.recording import RecordingPart
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column
 from dashboards.visitors import may_edit
 from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
@@ -73,15 +73,9 @@ class Missions(Page):
             visible=len(self._titles) > 1,
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
-        self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self._stage = whole_column()
         self._turn()
-        return pn.Column(
-            self._choice,
-            self._stage,
-            sizing_mode="stretch_width",
-            margin=(0, 12, 16, 12),
-            stylesheets=[WHOLE],
-        )
+        return whole_column(self._choice, self._stage, margin=(0, 12, 16, 12))
 
     def draw(self, result: Result) -> None:
         """Show the current state."""

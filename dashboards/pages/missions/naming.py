@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.missions.dialog import fill
 from dashboards.pages.missions.entry_fields import WRAP
+from dashboards.style import plain_row
 from lab.missions import MissionError
 from lab.missions.library import free_name
 from lab.missions.mission_name import accepted_name, without_archive
@@ -34,13 +34,7 @@ class Naming:
     def __init__(self, name: str, title: str) -> None:
         self._name = pmui.TextInput(label="Name", stylesheets=[_ROOM.format(1, 130)], **_FIELD)
         self._title = pmui.TextInput(label="Title", stylesheets=[_ROOM.format(3, 170)], **_FIELD)
-        self.view = pn.Row(
-            self._name,
-            self._title,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WRAP, _ROOM.format(1, 310)],
-        )
+        self.view = plain_row(self._name, self._title, stylesheets=[WRAP, _ROOM.format(1, 310)])
         self.suggest(name, title)
 
     def suggest(self, name: str, title: str) -> None:

@@ -10,7 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.missions.entry_fields import EntryFields, sized
-from dashboards.style import TOOLTIP, WHOLE
+from dashboards.style import TOOLTIP, plain_row, whole_column
 from lab.flying.plan_table import Limits
 
 ROW = """
@@ -45,7 +45,7 @@ class PartList:
         self._changed = changed
         self._limits: Limits | None = None
         self._parts: list[_Part] = []
-        self._rows = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self._rows = whole_column()
         self._kind = pmui.Select(
             label=noun.capitalize(),
             options={spoken(word): word for word in kinds},
@@ -57,13 +57,7 @@ class PartList:
         )
         add = pmui.Button(label=f"Add {noun}", icon="add", size="small", variant="outlined", margin=(10, 4))
         add.on_click(lambda _event: self._add())
-        self.view = pn.Column(
-            self._rows,
-            pn.Row(self._kind, add, margin=0, sizing_mode="stretch_width"),
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
-        )
+        self.view = whole_column(self._rows, plain_row(self._kind, add))
 
     def load(self, tables: Sequence[tuple[str, Mapping[str, Any]]], limits: Limits | None = None) -> None:
         """Show tables, each with its word."""
@@ -95,9 +89,7 @@ class PartList:
             self._tool("arrow_downward", "Later", number, 1, number == len(self._parts) - 1),
             self._tool("delete", "Remove", number, 0, False),
         ]
-        return pn.Row(
-            title, part.fields.view, *tools, stylesheets=[ROW], margin=(3, 4), sizing_mode="stretch_width"
-        )
+        return plain_row(title, part.fields.view, *tools, stylesheets=[ROW], margin=(3, 4))
 
     def _tool(self, icon: str, word: str, number: int, step: int, disabled: bool) -> pn.viewable.Viewable:
         what = f"{word}: {number + 1} {spoken(self._parts[number].word)}"

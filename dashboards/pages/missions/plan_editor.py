@@ -9,9 +9,9 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
-from dashboards.pages.missions.entry_fields import WRAP, EntryFields, sized
+from dashboards.pages.missions.entry_fields import EntryFields, fields_row, sized
 from dashboards.pages.missions.part_list import PartList
-from dashboards.style import WHOLE
+from dashboards.style import plain_column, whole_column
 from dashboards.titled import Card
 from lab.flying import airports
 from lab.flying.aircraft import AIRCRAFT
@@ -21,7 +21,6 @@ from lab.flying.plan_table import entries
 from lab.flying.weather import Air, Gust
 from lab.missions import FlightPlan
 
-_WIDE: dict[str, Any] = {"sizing_mode": "stretch_width"}
 STARTS: dict[str, type] = {"runway": Runway, "air_start": AirStart}
 _SELECT: dict[str, Any] = {"size": "small", "margin": (6, 4), **sized(220)}
 
@@ -56,22 +55,17 @@ class PlanEditor:
             choice.param.watch(lambda _event: self._chosen(), "value")
         self._manoeuvres = PartList(MANOEUVRES, "manoeuvre", self._told)
         self._gusts = PartList({"gust": Gust}, "gust", self._told)
-        self._general, self._where, self._air = (
-            pn.Column(margin=0, sizing_mode="stretch_width") for _ in range(3)
-        )
+        self._general, self._where, self._air = (plain_column() for _ in range(3))
         for fields in (self._general, self._where):
             fields.stylesheets = [":host { flex: 1 1 310px !important; }"]
-        self.view = pn.Column(
+        self.view = whole_column(
             _card(
                 "Flight",
-                pn.Row(self._aircraft, self._start, self._general, stylesheets=[WRAP], margin=0, **_WIDE),
-                pn.Row(self._runway, self._where, stylesheets=[WRAP], margin=0, **_WIDE),
+                fields_row(self._aircraft, self._start, self._general),
+                fields_row(self._runway, self._where),
             ),
             _card("Manoeuvres", self._manoeuvres.view),
             _card("Air", self._air, self._gusts.view, collapsed=True),
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
         )
 
     def load(self, values: Mapping[str, Any]) -> None:

@@ -9,10 +9,10 @@ import panel_material_ui as pmui
 
 from dashboards.field_text import number
 from dashboards.pages.missions.draft import Draft
-from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.pages.missions.entry_fields import fields_row, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
-from dashboards.style import WHOLE
+from dashboards.style import whole_column, wide_html
 from lab.base.progress import Progress
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.streams.xplane_live import PORT, XPlaneRecorder
@@ -46,31 +46,17 @@ class RecordingPart:
         self._counter = pn.pane.HTML("", margin=(16, 8), styles={"font-variant-numeric": "tabular-nums"})
         self._job = Job()
         self._draft = Draft(session)
-        note = pn.pane.HTML(
+        note = wide_html(
             "<p>X-Plane sends position and attitude on request. Allow incoming connections in X-Plane "
             "(Settings, Network).</p>",
             margin=(0, 6),
-            sizing_mode="stretch_width",
             styles={"opacity": "0.7", "font-size": "13px"},
         )
-        self.view = pn.Column(
-            pn.Row(
-                self._host,
-                self._port,
-                self._rate,
-                self._start,
-                self._stop,
-                self._counter,
-                margin=0,
-                stylesheets=[WRAP],
-                sizing_mode="stretch_width",
-            ),
+        self.view = whole_column(
+            fields_row(self._host, self._port, self._rate, self._start, self._stop, self._counter),
             note,
             self._job.view,
             self._draft.view,
-            margin=0,
-            sizing_mode="stretch_width",
-            stylesheets=[WHOLE],
         )
 
     def refresh(self) -> None:
