@@ -386,7 +386,7 @@ class SimulatorPage:
     def _made(self, kind: type[Page]) -> Page:
         """Return a page; it is made when first needed."""
         if kind not in self._pages:
-            page = kind.of(self.axis, self.session)
+            page = kind(self.axis, self.session)
             page.dress(self._dark)
             page.draw_again = partial(self._show_again, page)
             page.held = self._held

@@ -5,13 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from math import inf
-from typing import ClassVar, Self
+from typing import ClassVar
 from weakref import ref
 
 import panel as pn
 from bokeh.plotting import figure
 
-from dashboards.session import Session
 from dashboards.style import whole_column
 from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
@@ -30,6 +29,9 @@ class Page(ABC):
     ----------
     axis
         The time axis that all pages share.
+    session
+        The session, whose settings the page changes or whose results it compares; most pages need only the
+        results that they show.
 
     Attributes
     ----------
@@ -46,17 +48,12 @@ class Page(ABC):
     seen: ClassVar[tuple[str, ...]] = ("errors", "sigma")
     """Datasets of a result, over the same times, in the file of what is seen."""
 
-    def __init__(self, axis: TimeAxis) -> None:
+    def __init__(self, axis: TimeAxis, _session: object = None) -> None:
         self.axis = axis
         self.held: Callable[[], Sequence[Result]] = tuple
         self.draw_again: Callable[[], None] = lambda: None
         self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self.view = self.make()
-
-    @classmethod
-    def of(cls, axis: TimeAxis, _session: Session) -> Self:
-        """Return the page for a session; most pages need only the results."""
-        return cls(axis)
 
     @abstractmethod
     def make(self) -> pn.viewable.Viewable:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import Self
 
 import panel as pn
 import panel_material_ui as pmui
@@ -56,11 +55,6 @@ class Calibrate(OwnPage):
         self._session = session
         self.found: Found | None = None
         super().__init__(axis)
-
-    @classmethod
-    def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session, whose drive shows the mounting."""
-        return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the buttons, and the place of the outcome."""

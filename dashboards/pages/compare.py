@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from html import escape
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import panel as pn
@@ -94,11 +94,6 @@ class Compare(ComputedPage):
         if session is not None:
             session.on_run(self._outdate)
             session.param.watch(lambda _event: self._draw_again(), "shows_sigmas")
-
-    @classmethod
-    def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session, whose held results it compares."""
-        return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
         """Return what can be added, the table, and the place of a sweep."""

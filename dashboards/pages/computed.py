@@ -39,7 +39,7 @@ class ComputedPage(Page):
     working = "Computing …"
     """Text shown while the content is computed."""
 
-    def __init__(self, axis: TimeAxis) -> None:
+    def __init__(self, axis: TimeAxis, _session: object = None) -> None:
         self._document = pn.state.curdoc
         self._wanted: Result | None = None
         self._content: tuple[Result, Any] | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from html import escape
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import panel as pn
 import panel_material_ui as pmui
@@ -80,11 +80,6 @@ class Consistency(ComputedPage):
         self._session = session
         self._identifying = None if session is None else Identifying(session)
         super().__init__(axis)
-
-    @classmethod
-    def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session; the page can apply the identified settings to it."""
-        return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the selection of runs, the verdict, the plots and the tables, one below the other."""

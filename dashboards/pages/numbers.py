@@ -46,7 +46,7 @@ class Numbers(OwnPage):
 
     title = "Numbers"
 
-    def __init__(self, axis: TimeAxis) -> None:
+    def __init__(self, axis: TimeAxis, _session: object = None) -> None:
         self._files: dict[str, Path] = {}
         self._found: ImuNumbers | None = None
         self._lines = ""

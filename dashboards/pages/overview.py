@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from html import escape
-from typing import NamedTuple, Self
+from typing import NamedTuple
 from urllib.parse import parse_qsl, urlencode
 
 import panel as pn
@@ -108,11 +108,6 @@ class Overview(ComputedPage):
         self._session = session
         super().__init__(axis)
         session.param.watch(lambda _event: self._paint_again(), "shows_sigmas")
-
-    @classmethod
-    def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session, whose settings its buttons change."""
-        return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the layout with the plots for known errors."""

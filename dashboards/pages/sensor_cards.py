@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import panel as pn
@@ -75,11 +75,6 @@ class SensorCards(Page):
     def __init__(self, axis: TimeAxis, session: Session) -> None:
         self._session = session
         super().__init__(axis)
-
-    @classmethod
-    def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session, whose sensors it shows and loads."""
-        return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the two tables."""

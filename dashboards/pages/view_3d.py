@@ -33,7 +33,7 @@ class View3D(Page):
               display: block; border-radius: 6px; }}
     """
 
-    def __init__(self, axis: TimeAxis) -> None:
+    def __init__(self, axis: TimeAxis, _session: object = None) -> None:
         self._served: ServedScene | None = None
         self._scene: Scene | None = None
         self._document: Document | None = None

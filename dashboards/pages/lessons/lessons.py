@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import panel as pn
 from bokeh.document import Document
@@ -75,11 +75,6 @@ class Lessons(Page):
         self._looking: Any = None
         self._judging: LatestWins[Asked] = LatestWins(self._judge, self._deliver)
         super().__init__(axis)
-
-    @classmethod
-    def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session, whose settings the lessons set."""
-        return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the list of lessons."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any
 
 import panel as pn
 import panel_material_ui as pmui
@@ -81,11 +81,6 @@ class Live(PartOfWatched, Page):
         self._visible = False
         self._closed = False
         super().__init__(axis)
-
-    @classmethod
-    def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session."""
-        return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the choice of a source, its state, and the plots."""

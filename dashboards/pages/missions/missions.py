@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, Self
+from typing import Protocol
 
 import panel as pn
 import panel_material_ui as pmui
@@ -55,11 +55,6 @@ class Missions(Page):
         self._parts: dict[str, Part] = {}
         self._titles = list(PARTS) if may_edit() else list(FOR_ALL)
         super().__init__(axis)
-
-    @classmethod
-    def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session."""
-        return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
         """Return the selection of parts above the selected part."""
