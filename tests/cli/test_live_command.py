@@ -22,7 +22,7 @@ from text_outputs import still_dot
 from writers.nmea import sentence
 
 from lab.cli import live as live_command
-from lab.data.protocols.vectornav_encoder import VectorNavEncoder
+from lab.data.protocols.vectornav import VectorNavEncoder
 from lab.data.streams import recorded_log
 from lab.data.streams.recorded_log import recorded_samples
 from lab.live.simulated.simulated_device import SimulatedDevice

@@ -11,8 +11,7 @@ from lab.data.protocols.decoder_file import FORM, load_decoder
 from lab.data.protocols.mavlink import Mavlink
 from lab.data.protocols.mavlink_encoder import MavlinkEncoder
 from lab.data.protocols.memsense import Memsense, MemsenseEncoder
-from lab.data.protocols.mip import Mip
-from lab.data.protocols.mip_encoder import MipEncoder
+from lab.data.protocols.mip import Mip, MipEncoder
 from lab.data.protocols.nmea import Nmea
 from lab.data.protocols.nmea_encoder import NmeaEncoder
 from lab.data.protocols.novatel import NovAtel, NovAtelEncoder
@@ -20,13 +19,10 @@ from lab.data.protocols.phone import PhoneDecoder, PhoneEncoder
 from lab.data.protocols.sbf import Sbf, SbfEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
-from lab.data.protocols.ubx import Ubx
-from lab.data.protocols.ubx_encoder import UbloxEncoder
-from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary
-from lab.data.protocols.vectornav_encoder import VectorNavEncoder
+from lab.data.protocols.ubx import UbloxEncoder, Ubx
+from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary, VectorNavEncoder
 from lab.data.protocols.witmotion import WitMotion, WitMotionEncoder
-from lab.data.protocols.xsens import Xsens
-from lab.data.protocols.xsens_encoder import XsensEncoder
+from lab.data.protocols.xsens import Xsens, XsensEncoder
 
 
 def _ublox() -> Decoder:

@@ -1,4 +1,4 @@
-"""MicroStrain MIP: packets of fields, of which those of the IMU and of the receiver are read.
+"""MicroStrain MIP: packets of fields, of which those of the IMU and of the receiver are read and written.
 
 Specific force comes in g, which is 9.80665 m/s². A packet with delta angle and delta velocity alone is
 divided by the interval since the one before, by its reference time or its delta time.
@@ -13,8 +13,12 @@ import math
 import struct
 from collections.abc import Mapping
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
-from lab.data.protocols.framing import MORE, NONE, Framing, passes_fletcher16
+from lab.data.protocols.framing import MORE, NONE, Framing, fletcher16, passes_fletcher16
+from lab.data.protocols.nmea_encoder import headings
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import (
     FIX_2D,
@@ -27,6 +31,7 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
+from lab.data.protocols.sending import merged, nanoseconds, sent_fix, vector
 
 SYNC = b"\x75\x65"
 SENSOR = 0x80  # set of the inertial data
@@ -50,7 +55,10 @@ _GNSS_FORMS = _TIMES | {PLACE: ">4d2fH", VELOCITY: ">8fH", GNSS_TIME: ">dHH", FI
 _FORMS = {SENSOR: _SENSOR_FORMS} | dict.fromkeys(GNSS, _GNSS_FORMS)
 """Numbers of each field that is read, by set."""
 _FIX_TYPES = {0: FIX_3D, 1: FIX_2D, 5: FIX_RTK_FLOAT, 6: FIX_RTK, 7: FIX_DIFFERENTIAL}
-"""Kinds of fixes of the device; 2 is time only, 3 none, 4 invalid."""
+"""Kinds of fixes of the device; 2 is time only, 4 invalid."""
+_FIX_NUMBERS = {kind: number for number, kind in _FIX_TYPES.items()}
+_NONE = 3  # number of a fix that is none
+_ALL = 0x1F  # flags of a place of which all is valid
 _LONGEST_INTERVAL = 1.0
 """Longest interval that an increment is divided by [s]: after a longer one, packets are missing."""
 
@@ -165,3 +173,52 @@ def _time(fields: Fields) -> float:
 def _week_time(fields: Fields) -> float:
     found = (fields[kind][0] for kind in (GNSS_TIME, SHARED_GPS_TIME, GPS_TIMESTAMP) if kind in fields)
     return next(found, NAN)
+
+
+class MipEncoder:
+    """Writes samples and fixes; an `Encoder`. The device's single precision rounds them."""
+
+    name = "mip"
+
+    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
+        """Return the bytes of samples and fixes in the order of their time; NaN is left out."""
+        return merged(imu, fix, _sample, _fix)
+
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
+        return headings(reading)
+
+
+def _sample(row: np.void) -> bytes:
+    fields = [(REFERENCE_TIME, struct.pack(">Q", nanoseconds(row["time"])))]
+    for kind, name, unit in (
+        (FORCE, "force", STANDARD_GRAVITY), (RATE, "rate", 1.0), (MAGNETIC, "magnetic", GAUSS),
+    ):  # fmt: skip
+        if np.isfinite(row[name]).all():
+            fields.append((kind, struct.pack(">3f", *vector(row, name, unit))))
+    if math.isfinite(row["pressure"]):
+        fields.append((PRESSURE, struct.pack(">f", row["pressure"] / MILLIBAR)))
+    return _packet(SENSOR, fields)
+
+
+def _fix(row: np.void) -> bytes:
+    fix = sent_fix(row)
+    valid = _ALL if fix.kind > NO_FIX else 0
+    place = (fix.latitude, fix.longitude, fix.height, fix.height, fix.horizontal_sigma, fix.vertical_sigma)
+    speeds = (math.hypot(*fix.velocity_n), fix.speed, fix.course, fix.speed_sigma, 0.0)
+    return _packet(
+        GNSS[0],
+        [
+            (REFERENCE_TIME, struct.pack(">Q", nanoseconds(row["time"]))),
+            (GNSS_TIME, struct.pack(">dHH", fix.week_time, 0, 1)),
+            (FIX_INFO, struct.pack(">BBHH", _FIX_NUMBERS.get(fix.kind, _NONE), fix.satellites, 0, 7)),
+            (PLACE, struct.pack(">4d2fH", *place, valid)),
+            (VELOCITY, struct.pack(">8fH", *fix.velocity_n, *speeds, valid)),
+        ],
+    )
+
+
+def _packet(descriptors: int, fields: list[tuple[int, bytes]]) -> bytes:
+    payload = b"".join(bytes((len(data) + 2, kind)) + data for kind, data in fields)
+    packet = SYNC + bytes((descriptors, len(payload))) + payload
+    return packet + fletcher16(packet)

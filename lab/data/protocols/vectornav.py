@@ -1,4 +1,4 @@
-"""VectorNav: binary messages of any mix of groups and fields, and ASCII messages.
+"""VectorNav: binary messages of any mix of groups and fields, and ASCII messages, read and written.
 
 Where a binary message has both, uncompensated rates and forces go before compensated ones: the latter have
 the bias that the device's own filter believes in subtracted, which changes with time. A message without
@@ -22,11 +22,15 @@ import math
 import re
 import struct
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lab.base.parameters.units import GAUSS
 from lab.data.protocols.device_time import utc_seconds
 from lab.data.protocols.framing import MORE, NONE, Framing, crc16_xmodem, xor8
+from lab.data.protocols.nmea_encoder import headings
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import (
     CLIPPED_FORCE,
@@ -42,6 +46,7 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
+from lab.data.protocols.sending import known, merged, nanoseconds, sent_fix, vector
 
 COMMON, TIME, IMU_GROUP, GPS = range(4)
 """Groups with fields that are read, by their bit in the second byte of a message."""
@@ -71,16 +76,20 @@ _KEPT = 64
 _LONGEST = 2048
 """Longest message [bytes]: all fields of all groups with the most satellites have 1903."""
 
-SYNC = 0xFA  # first byte of a message
-KILOPASCAL = 1e3
+_SYNC = 0xFA  # first byte of a message
+_KILOPASCAL = 1e3
 """[Pa]."""
-NANOSECOND = 1e-9
+_NANOSECOND = 1e-9
 """[s]."""
 
-FIX_TYPES = {
-    0: NO_FIX, 1: NO_FIX, 2: FIX_2D, 3: FIX_3D, 4: FIX_DIFFERENTIAL, 7: FIX_RTK_FLOAT, 8: FIX_RTK,
-}  # fmt: skip
-"""Kinds of fixes of the device: 1 is time only."""
+_FIX_TYPES = {2: FIX_2D, 3: FIX_3D, 4: FIX_DIFFERENTIAL, 7: FIX_RTK_FLOAT, 8: FIX_RTK}
+"""Kinds of fixes of the device: 0 is none, 1 time only."""
+_FIX_NUMBERS = {kind: number for number, kind in _FIX_TYPES.items()}
+_SAMPLE = struct.Struct("<BBHQ6f3fff")
+"""Common group as it is written: TimeStartup (bit 0), Imu (9), MagPres (10)."""
+_FIX = struct.Struct("<BBHHQQBB3d3f3ff")
+"""The same with a fix: TimeStartup; GPS group: Tow (1), NumSats (3), Fix (4), PosLla (5), VelNed (7), PosU
+(9), VelU (10)."""
 
 # Fields, each as its group and its bit in the word of the group. First the time since switching on.
 _STARTUP: tuple[Field, ...] = ((COMMON, 0), (TIME, 0))
@@ -106,7 +115,7 @@ class _Layout(NamedTuple):
 class VectorNavBinary(Framing):
     """Framing of binary messages: sync, groups, fields, little-endian payload, CRC of 16 bits."""
 
-    first = bytes((SYNC,))
+    first = bytes((_SYNC,))
     longest = _LONGEST
 
     def __init__(self) -> None:
@@ -128,7 +137,7 @@ class VectorNavBinary(Framing):
         if not isinstance(layout, _Layout):
             return False
         at = layout.at
-        seconds = _found(frame, at, _STARTUP, "<Q", (NAN,))[0] * NANOSECOND
+        seconds = _found(frame, at, _STARTUP, "<Q", (NAN,))[0] * _NANOSECOND
         sample = not _ANY.isdisjoint(at)
         if sample:
             self._read_sample(frame, at, end, seconds, rows)
@@ -200,7 +209,7 @@ class VectorNavBinary(Framing):
         (pressure,) = _found(frame, at, (_PRESSURE,), "<f", beside[1:])
         clipped = _clipped(int(_found(frame, at, (_SATURATION,), "<H", (0,))[0]))
         magnetic = (x * GAUSS, y * GAUSS, z * GAUSS)
-        rows.add_imu(end, time, -1, rate, force, magnetic, temperature, pressure * KILOPASCAL, clipped)
+        rows.add_imu(end, time, -1, rate, force, magnetic, temperature, pressure * _KILOPASCAL, clipped)
 
     def _read_fix(self, frame: bytes, layout: _Layout, end: int, time: float, rows: Rows) -> None:
         at = layout.at
@@ -215,11 +224,11 @@ class VectorNavBinary(Framing):
         self._fix = now
         latitude, longitude, height = _found(frame, at, (_GPS_PLACE,), "<3d", UNKNOWN)
         north, east, down = _found(frame, at, ((GPS, 9),), "<3f", UNKNOWN)
-        kind = FIX_3D if (GPS, 4) not in at else FIX_TYPES.get(frame[at[GPS, 4]], NO_FIX)
+        kind = FIX_3D if (GPS, 4) not in at else _FIX_TYPES.get(frame[at[GPS, 4]], NO_FIX)
         rows.add_fix(
             end,
             time,
-            _found(frame, at, _WEEK_TIMES, "<Q", (NAN,))[0] * NANOSECOND,
+            _found(frame, at, _WEEK_TIMES, "<Q", (NAN,))[0] * _NANOSECOND,
             _utc(_found(frame, at, ((GPS, 0),), "<b5BH", ())),
             math.radians(latitude),
             math.radians(longitude),
@@ -331,7 +340,7 @@ class VectorNavAscii(Framing):
                 rate=cells[at + 6 : at + 9],
                 magnetic=(x * GAUSS, y * GAUSS, z * GAUSS),
                 temperature=cells[9] if kind == "IMU" else NAN,
-                pressure=cells[10] * KILOPASCAL if kind == "IMU" else NAN,
+                pressure=cells[10] * _KILOPASCAL if kind == "IMU" else NAN,
             )
         return True
 
@@ -350,5 +359,78 @@ def _add_fix(cells: list[float], end: int, rows: Rows) -> None:
         vertical_sigma=down,
         speed_sigma=speed_sigma,
         satellites=int(satellites),
-        fix_type=FIX_TYPES.get(int(kind), NO_FIX),
+        fix_type=_FIX_TYPES.get(int(kind), NO_FIX),
     )
+
+
+class VectorNavEncoder:
+    """Writes samples and fixes; an `Encoder`. The device's single precision rounds them.
+
+    Parameters
+    ----------
+    form
+        ``"binary"`` for messages with the device's time, uncompensated sensors and GPS; ``"VNIMU"`` or
+        ``"VNYMR"`` for ASCII lines, which have neither time nor attitude here, with the GPS in ``$VNGPS``.
+    """
+
+    name = "vectornav"
+
+    def __init__(self, form: Literal["binary", "VNIMU", "VNYMR"] = "binary") -> None:
+        self._form = form
+
+    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
+        """Return the bytes of samples and fixes in the order of their time; NaN is sent as zero."""
+        if self._form == "binary":
+            return merged(imu, fix, _binary_sample, _binary_fix)
+        return merged(imu, fix, self._line, _gps_line)
+
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
+        return headings(reading)
+
+    def _line(self, row: np.void) -> bytes:
+        magnetic, force, rate = vector(row, "magnetic", GAUSS), vector(row, "force"), vector(row, "rate")
+        cells = [f"{value:+08.4f}" for value in magnetic]
+        cells += [f"{value:+07.3f}" for value in force] + [f"{value:+010.6f}" for value in rate]
+        if self._form == "VNYMR":
+            return _checked(",".join(["VNYMR", "+000.000", "+000.000", "+000.000", *cells]))
+        temperature, pressure = known(row, "temperature", "pressure")
+        return _checked(
+            ",".join(["VNIMU", *cells, f"{temperature:+05.1f}", f"{pressure / _KILOPASCAL:+08.3f}"])
+        )
+
+
+def _summed(message: bytes) -> bytes:
+    return message + crc16_xmodem(message[1:]).to_bytes(2, "big")
+
+
+def _binary_sample(row: np.void) -> bytes:
+    temperature, pressure = known(row, "temperature", "pressure")
+    sensed = (*vector(row, "force"), *vector(row, "rate"), *vector(row, "magnetic", GAUSS))
+    fields = 1 << 0 | 1 << 9 | 1 << 10
+    time = nanoseconds(row["time"])
+    return _summed(_SAMPLE.pack(_SYNC, 1, fields, time, *sensed, temperature, pressure / _KILOPASCAL))
+
+
+def _binary_fix(row: np.void) -> bytes:
+    fix = sent_fix(row)
+    place = (fix.latitude, fix.longitude, fix.height)
+    sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma, fix.speed_sigma)
+    fields = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 7 | 1 << 9 | 1 << 10
+    head = (_SYNC, 1 | 1 << 3, 1, fields, nanoseconds(row["time"]), nanoseconds(row["week_time"]))
+    kind = _FIX_NUMBERS.get(fix.kind, 0)
+    return _summed(_FIX.pack(*head, fix.satellites, kind, *place, *fix.velocity_n, *sigma))
+
+
+def _gps_line(row: np.void) -> bytes:
+    fix = sent_fix(row)
+    cells = [f"{fix.week_time:013.6f}", "0000", f"{_FIX_NUMBERS.get(fix.kind, 0)}", f"{fix.satellites:02d}"]
+    cells += [f"{angle:+013.8f}" for angle in (fix.latitude, fix.longitude)]
+    cells += [f"{value:+010.3f}" for value in (fix.height, *fix.velocity_n)]
+    sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma, fix.speed_sigma)
+    cells += [f"{value:+07.3f}" for value in sigma]
+    return _checked(",".join(["VNGPS", *cells, "0.000000"]))
+
+
+def _checked(body: str) -> bytes:
+    return f"${body}*{xor8(body.encode()):02X}\r\n".encode()

@@ -14,8 +14,7 @@ from lab.data.protocols.sbf import SbfEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
 from lab.data.protocols.ubx import Ubx
-from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary
-from lab.data.protocols.vectornav_encoder import VectorNavEncoder
+from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary, VectorNavEncoder
 
 COUNT = 20_000
 

@@ -9,7 +9,7 @@ import pytest
 from live_streams import capture, decoded, fixes, hexadecimal, motion
 
 from lab.data.protocols.catalogue import decoder_of
-from lab.data.protocols.mip_encoder import MipEncoder
+from lab.data.protocols.mip import MipEncoder
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
 
 G = 9.80665

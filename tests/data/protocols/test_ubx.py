@@ -20,8 +20,7 @@ from lab.data.formats import read_raw, reader_of
 from lab.data.protocols import receiver_file
 from lab.data.protocols.catalogue import decoder_of
 from lab.data.protocols.stream_decoder import StreamDecoder
-from lab.data.protocols.ubx import MEAS_TICK, RAW_TICK, Ubx
-from lab.data.protocols.ubx_encoder import UbloxEncoder
+from lab.data.protocols.ubx import MEAS_TICK, RAW_TICK, UbloxEncoder, Ubx
 from lab.data.streams.reception import Reception
 from lab.data.streams.transport import Chunk
 from lab.missions import MissionError, mission

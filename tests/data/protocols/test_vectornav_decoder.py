@@ -12,7 +12,7 @@ from live_streams import capture, decoded, fixes, hexadecimal, motion
 
 from lab.data.protocols.catalogue import decoder_of
 from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_RATE, joined
-from lab.data.protocols.vectornav_encoder import VectorNavEncoder
+from lab.data.protocols.vectornav import VectorNavEncoder
 
 EXAMPLE = hexadecimal("FA 01 08 00 93 50 2E 42 83 3E F1 3F 48 B5 04 BB 92 88")
 """Yaw, pitch and roll: manual UM001, first example."""

@@ -12,8 +12,7 @@ from live_streams import capture, decoded, fixes, hexadecimal, motion
 
 from lab.data.protocols.catalogue import decoder_of
 from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_RATE
-from lab.data.protocols.xsens import NOMINAL_FIELD
-from lab.data.protocols.xsens_encoder import XsensEncoder
+from lab.data.protocols.xsens import NOMINAL_FIELD, XsensEncoder
 
 FULL = hexadecimal(
     "FA FF 36 92 10 20 02 91 8D 10 60 04 01 36 3F A6 20 10 10 3F 35 E0 42 3F 31 CD 15 BD 9F 49 DB BD "
