@@ -60,7 +60,6 @@ class Subject(Protocol):
         withheld : (m,) array
             Mask of the fixes without effect on the filter.
         """
-        ...
 
 
 class Simulated:

@@ -72,14 +72,12 @@ class Decoder(Protocol):
         data
             Any bytes, of any number.
         """
-        ...
 
     def finish(self) -> Samples:
         """Return the samples that were held back for more bytes, at the end of a stream.
 
         A damaged frame may claim to be longer than what is left of the stream, and hide frames behind it.
         """
-        ...
 
 
 @runtime_checkable
@@ -102,4 +100,3 @@ class Encoder(Protocol):
         fix : (m,) array of `lab.data.protocols.samples.FIX`
             Fixes; written by protocols that have them.
         """
-        ...

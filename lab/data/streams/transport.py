@@ -79,7 +79,6 @@ class Transport(Protocol):
         OSError
             If there is no such device or computer, or it does not answer; the message is for people.
         """
-        ...
 
     def read(self, longest: float) -> Chunk:
         """Wait for bytes.
@@ -96,11 +95,9 @@ class Transport(Protocol):
         EOFError
             If nothing more will come, as at the end of a replay.
         """
-        ...
 
     def close(self) -> None:
         """Free the port; may be repeated."""
-        ...
 
 
 class Pluggable(Protocol):
@@ -108,7 +105,6 @@ class Pluggable(Protocol):
 
     def unplug(self, seconds: float) -> None:
         """Pull the plug; the device plugs itself in again after some time [s]."""
-        ...
 
 
 class NoTransport:

@@ -25,29 +25,23 @@ class Outlet(Protocol):
     @property
     def place(self) -> str:
         """Where readers find it, in words."""
-        ...
 
     @property
     def counts(self) -> tuple[int, int, int]:
         """Rows sent and lost, over all readers, and readers so far."""
-        ...
 
     @property
     def refused(self) -> Sequence[str]:
         """Origins of pages that were refused."""
-        ...
 
     async def open(self) -> None:
         """Open; raises `OSError` or `ImportError`."""
-        ...
 
     def send(self, solution: SentSolution) -> None:
         """Send a solution, without waiting."""
-        ...
 
     async def close(self) -> None:
         """Send what waits, at most for `lab.live.outlets.listener.LONGEST_CLOSE`, and close."""
-        ...
 
 
 def writer_of(destination: Destination) -> Callable[[SentSolution], bytes]:

@@ -23,24 +23,19 @@ class Link(Protocol):
     @property
     def address(self) -> str:
         """The address that opens the other end."""
-        ...
 
     @property
     def has_reader(self) -> bool:
         """Whether somebody may read what is written, as far as is known."""
-        ...
 
     def plug(self) -> None:
         """Make the line, again after `unplug`; raises `OSError`."""
-        ...
 
     def write(self, data: bytes) -> int:
         """Write, without waiting; return how many bytes found room."""
-        ...
 
     def unplug(self) -> None:
         """Break the line; may be repeated."""
-        ...
 
 
 class PseudoTerminal:

@@ -22,16 +22,13 @@ class AttitudeCurve(Protocol):
 
     def attitude(self, times: FloatArray) -> Rotation:
         """Return C_nb at the times."""
-        ...
 
     def rate(self, times: FloatArray) -> FloatArray:
         """Return ω_nb,b (n, 3) at the times [rad/s]."""
-        ...
 
     @property
     def nbytes(self) -> int:
         """Memory of the curve's coefficients [bytes]."""
-        ...
 
 
 class RotationCurve:

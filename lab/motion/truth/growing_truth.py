@@ -117,7 +117,6 @@ class TrueMotion(Protocol):
 
     def at(self, time: FloatArray) -> Kinematics:
         """Return the motion at times (n,) of the host's monotonic clock [s]."""
-        ...
 
 
 class TrueFlight:

@@ -115,16 +115,13 @@ class FlightPath(Protocol):
         q_nb : (n, 4) array
             Attitude quaternion, scalar first.
         """
-        ...
 
     def rates(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ω_ib,b (n, 3) [rad/s] and f_b (n, 3) [m/s²] at the times."""
-        ...
 
     @property
     def nbytes(self) -> int:
         """Memory of the curve's coefficients [bytes]."""
-        ...
 
 
 class Trajectory:
