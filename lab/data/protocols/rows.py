@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 
 from lab.base.aid_table import SENT
@@ -18,10 +20,16 @@ from lab.data.protocols.samples import (
     UNMEASURED,
     Samples,
     Vector,
-    packed_fix,
-    packed_imu,
-    packed_reading,
 )
+
+# Rows are packed one by one: this is ten times faster than to assign the fields of an array of one row.
+_IMU_ROW = struct.Struct("<dq3d3d3dddqq")
+_FIX_ROW = struct.Struct("<dddddd3ddddqqqq")
+_READING_ROW = struct.Struct(f"<{8 + len(SENT)}dq")
+"""Numbers of a row in the order of the fields; the types say what they are."""
+assert _IMU_ROW.size == IMU.itemsize
+assert _FIX_ROW.size == FIX.itemsize
+assert _READING_ROW.size == READING.itemsize
 
 LARGEST_HEIGHT = 1e6
 """Largest height of a fix that is believed [m]: the space station orbits at 4e5 m. Damaged floats hold any
@@ -77,7 +85,7 @@ class Rows:
         if abs(time) > LIMITS.largest or not self._check.accepts(rate, force):
             self._statistics.refused += 1
             return
-        self._imu += packed_imu(end, time, count, rate, force, magnetic, temperature, pressure, clipped)
+        self._imu += _IMU_ROW.pack(time, count, *rate, *force, *magnetic, temperature, pressure, end, clipped)
 
     def add_fix(
         self,
@@ -107,9 +115,9 @@ class Rows:
         ):
             self._statistics.refused += 1
             return
-        self._fix += packed_fix(
-            end, time, week_time, utc, latitude, longitude, height, velocity_n, horizontal_sigma,
-            vertical_sigma, speed_sigma, satellites, fix_type, sea_level,
+        self._fix += _FIX_ROW.pack(
+            time, week_time, utc, latitude, longitude, height, *velocity_n, horizontal_sigma,
+            vertical_sigma, speed_sigma, satellites, fix_type, sea_level, end,
         )  # fmt: skip
 
     def add_reading(
@@ -126,14 +134,15 @@ class Rows:
             self._statistics.refused += 1
             return
         row = [values.get(aid.live, NAN) for aid in SENT]
-        self._reading += packed_reading(end, time, week_time, utc, row, heading_sigma)
+        self._reading += _READING_ROW.pack(time, week_time, utc, *row, heading_sigma, *[NAN] * 4, end)
 
     def add_attitude(self, end: int, time: float, attitude: Vector) -> None:
         """Take an attitude that the device itself estimates, or count it as refused; as of `READING`."""
         if abs(time) > LIMITS.largest or any(abs(value) > 1 + _ROUNDING for value in attitude):
             self._statistics.refused += 1
             return
-        self._reading += packed_reading(end, time, NAN, NAN, [NAN] * len(SENT), NAN, attitude)
+        unknown = [NAN] * len(SENT)
+        self._reading += _READING_ROW.pack(time, NAN, NAN, *unknown, NAN, *attitude, end)
 
     def taken(self) -> Samples:
         """Return what was collected, and begin anew."""

@@ -5,7 +5,6 @@ Axes are those of the device. What a device does not send is NaN, or -1 for whol
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -105,17 +104,6 @@ NAMED: Final = {
 NAN: Final = float("nan")
 UNKNOWN: Final = (NAN, NAN, NAN)
 """A vector that the device does not send."""
-NO_ATTITUDE: Final = (NAN, NAN, NAN, NAN)
-"""An attitude that the device does not send."""
-
-# Rows are packed one by one: this is ten times faster than to assign the fields of an array of one row.
-_IMU: Final = struct.Struct("<dq3d3d3dddqq")
-_FIX: Final = struct.Struct("<dddddd3ddddqqqq")
-_READING: Final = struct.Struct(f"<{8 + len(SENT)}dq")  # three times, the values, their σ, an attitude
-assert _IMU.size == IMU.itemsize
-assert _FIX.size == FIX.itemsize
-assert _READING.size == READING.itemsize
-
 NO_READINGS: Final = np.empty(0, READING)
 """No readings."""
 NO_READINGS.setflags(write=False)
@@ -149,54 +137,3 @@ def joined(parts: Sequence[Samples]) -> Samples:
         np.concatenate([np.empty(0, FIX), *(part.fix for part in parts)], dtype=FIX),
         np.concatenate([NO_READINGS, *(part.reading for part in parts)], dtype=NO_READINGS.dtype),
     )
-
-
-def packed_imu(
-    end: int,
-    time: float,
-    count: int,
-    rate: Vector,
-    force: Vector,
-    magnetic: Vector,
-    temperature: float,
-    pressure: float,
-    clipped: int,
-) -> bytes:
-    """Return the bytes of a row of `IMU`."""
-    return _IMU.pack(time, count, *rate, *force, *magnetic, temperature, pressure, end, clipped)
-
-
-def packed_fix(
-    end: int,
-    time: float,
-    week_time: float,
-    utc: float,
-    latitude: float,
-    longitude: float,
-    height: float,
-    velocity_n: Vector,
-    horizontal_sigma: float,
-    vertical_sigma: float,
-    speed_sigma: float,
-    satellites: int,
-    fix_type: int,
-    sea_level: bool,
-) -> bytes:
-    """Return the bytes of a row of `FIX`."""
-    return _FIX.pack(
-        time, week_time, utc, latitude, longitude, height, *velocity_n, horizontal_sigma, vertical_sigma,
-        speed_sigma, satellites, fix_type, sea_level, end,
-    )  # fmt: skip
-
-
-def packed_reading(
-    end: int,
-    time: float,
-    week_time: float,
-    utc: float,
-    values: Sequence[float],
-    heading_sigma: float,
-    attitude: Vector = NO_ATTITUDE,
-) -> bytes:
-    """Return the bytes of a row of `READING`; its values are in the order of `SENT`."""
-    return _READING.pack(time, week_time, utc, *values, heading_sigma, *attitude, end)
