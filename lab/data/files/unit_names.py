@@ -40,7 +40,10 @@ UNITS: dict[str, Factors] = {name: Factors(units) for name, units in {
     "time": {
         "s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "1e-4 s": 1e-4, "min": 60.0, "h": 3600.0, "days": DAY,
     },
-    "angle": {"°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE, "1e-6°": 1e-6 * DEGREE, "′": DEGREE / 60},
+    "angle": {
+        "°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE, "1e-6°": 1e-6 * DEGREE, "′": DEGREE / 60,
+        "semicircles": math.pi / 2**31,
+    },
     "length": {"m": 1.0, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 1e-3},
     "speed": {
         "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": KILOMETRE_PER_HOUR, "mph": MILE_PER_HOUR,
@@ -61,7 +64,7 @@ UNITS: dict[str, Factors] = {name: Factors(units) for name, units in {
 
 _SPELLINGS = {spelling: unit for unit, spellings in {
     "s": "seconds second sec secs",
-    "ms": "milliseconds msec millis",
+    "ms": "milliseconds msec millis 0.001s",
     "µs": "microseconds us usec micros μs",
     "min": "minutes",
     "h": "hours",
@@ -70,6 +73,8 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
     "rad": "radians radian",
     "m": "metres meters metre meter",
     "ft": "feet foot ftmsl ftagl ftwgs",
+    "cm": "0.01m",
+    "mm": "0.001m",
     "m/s": "mps metrespersecond meterspersecond m_s meters/second meter/s meters/s m/sec",
     "kt": "knots knot kts ktas kn",
     "ft/s": "fps feetpersecond ft_s ft/sec",
@@ -87,11 +92,12 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
     "mm/s²": "mm/s2 mm/s^2",
     "µg": "ug μg",
     "°/h": "deg/h deg/hr °/hr deg/hour",
-    "m°/s": "mdps",
+    "m°/s": "mdps mdeg mdeg/s",
     "mrad/s": "mrad_s",
     "mg": "millig milli_g",
     "ns": "nsec nanos nanoseconds",
     "1e-7°": "1e7 e7 dege7",
+    "semicircles": "semicircle",
     "′": "arcmin",
     "µT": "ut µt μt microt microtesla",
     "T": "tesla",

@@ -17,6 +17,7 @@ from lab.data.sheets.column_words import (
     GLUED,
     GLUED_FIELD,
     LEADING,
+    MIDDLE,
     NAMES,
     PATTERNS,
     SENSORS,
@@ -36,7 +37,7 @@ SCALARS = {
     "year": "", "month": "", "day": "", "hour": "", "minute": "", "second": "",
     "latitude": "angle", "longitude": "angle", "height": "length", "speed": "speed", "course": "angle",
     "north": "speed", "east": "speed", "down": "speed", "up": "speed", "place": "angle", "side": "",
-    "instance": "",
+    "instance": "", "craft": "",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
     "pressure": "pressure",
     "roll": "angle", "pitch": "angle", "yaw": "angle", "q0": "", "q1": "", "q2": "", "q3": "",
@@ -44,7 +45,8 @@ SCALARS = {
 }  # fmt: skip
 """Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
 their fraction, a date and a clock, or a column for each part. A place is latitude and longitude in one cell,
-a side is N, S, E or W, an instance is the number of one of several sensors. q0 is the scalar part of a
+a side is N, S, E or W, an instance is the number of one of several sensors, a craft the name of one of several
+vehicles. q0 is the scalar part of a
 quaternion; resets are counters of an estimator."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
@@ -279,6 +281,8 @@ def _cut(text: str) -> tuple[str, str, str]:
                 stem, axis = stem[:-1], stem[-1].lower()
             elif found := LEADING.search(stem):
                 stem, axis = stem[found.end(1) :], found[1].lower()
+            elif found := MIDDLE.search(stem):
+                stem, axis = f"{stem[: found.start(1)]}{stem[found.end(1) :]}", found[1][0].lower()
         if not unit and (found := UNIT.search(stem) or _CAMEL_UNIT.search(stem)):
             stem, unit = stem[: found.start()], found[1]
     return stem.strip(), axis, unit
@@ -314,7 +318,7 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
     quantity = _sensor_of(given, joined)
     if not quantity:
         found = next((ours for kind, ours in _QUANTITY_OF_UNIT.items() if unit and unit_of(kind, unit)), "")
-        if not found or words:
+        if not found or (words and names[-1] not in SENSORS[f"short_{found}"]):
             return None
         quantity = found
     if quantity == "rate" and unit_of("acceleration", unit) == "g" and joined == "g":
@@ -406,6 +410,8 @@ def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | 
     words = [word for before, word in zip(["", *words], words, strict=False) if before + word not in _PLANES]
     kept = [word for word in words if word not in _SAY_NOTHING]
     joined = "".join(kept)
+    if joined in ("north", "east", "down", "up") and unit_of("speed", unit):
+        return Heading(text, joined, unit=unit_of("speed", unit), rank=rank)
     for quantity, pattern in PATTERNS:
         if not pattern.fullmatch(joined):
             continue

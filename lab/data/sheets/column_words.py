@@ -40,10 +40,14 @@ PATTERNS = tuple(
     for quantity, text in _TABLES["patterns"].items()
 )
 """What a column is by its words, put together; the first pattern that fits is taken."""
+_IDEOGRAMS = re.compile(r"[\u4e00-\u9fff]")
+"""How a word of Chinese begins, which letters may stand beside without a blank."""
 _MEANING = {word: meaning for meaning, text in _TABLES["languages"].items() for word in text.split()}
 _MEANING |= _TABLES["phrases"]
+_LONGEST_FIRST = sorted(_MEANING, key=len, reverse=True)
 _KNOWN = re.compile(
-    rf"(?<![a-z])(?:{'|'.join(sorted(_MEANING, key=len, reverse=True))})(?![a-z])", re.IGNORECASE
+    rf"(?<![a-z])(?:{'|'.join(_LONGEST_FIRST)})(?![a-z])|{'|'.join(filter(_IDEOGRAMS.match, _LONGEST_FIRST))}",
+    re.IGNORECASE,
 )
 _OF_ACCURACY = re.compile(r"(?i)accuracy (horizontal|vertical)")
 FIELD_WORDS = SENSORS["field"]
@@ -62,6 +66,10 @@ GLUED = re.compile(
 """A word of a sensor with its axis behind it, such as ``AccX`` or ``imu_gx``."""
 LEADING = re.compile(rf"(?i)^([xyz])[\s_.-]*(?:rate|{_any_of(_SENSED, FIELD_WORDS)})(?![a-z])")
 """A word of a sensor behind its axis, such as ``x_acc``."""
+MIDDLE = re.compile(
+    rf"(?i)(?:^|[\s_.:/-])(?:{_any_of(_SENSED, FIELD_WORDS - {'vector'})})[\s_.-]+([xyz][\s_.-]+)(?=[a-z])"
+)
+"""A word of a sensor with its axis and a place behind it, such as ``acc_x_dashboard``."""
 GLUED_FIELD = re.compile(r"(?i)^(?:(?:.*[\s_.:/-])?mag|[bm])([xyz])$")
 """A short name with its axis, such as ``mx`` or ``imu_magx``."""
 
@@ -90,8 +98,13 @@ def in_english(text: str) -> str:
         The heading, or the name of a file.
     """
     plain = "".join(map(_without_accent, unicodedata.normalize("NFC", text)))
-    translated = _KNOWN.sub(lambda found: _MEANING[found[0].lower()], plain)
+    translated = _KNOWN.sub(_meaning, plain)
     return _OF_ACCURACY.sub(r"\1 accuracy", translated) if translated != plain else text
+
+
+def _meaning(found: re.Match[str]) -> str:
+    word = _MEANING[found[0].lower()]
+    return f" {word} " if _IDEOGRAMS.match(found[0]) else word
 
 
 def _without_accent(character: str) -> str:

@@ -18,6 +18,8 @@ _HEAD = 2**16
 _COMMENT = re.compile(
     rb"(?m)^#\s*(?:Fix,Provider|Uncal(?:Accel|Gyro),|Raw,(?:utcTimeMillis|ElapsedRealtimeMillis))"
 )
+_WITH_KINDS = b"MessageType,utcTimeMillis,elapsedRealtimeNanos,MeasurementX,"
+"""Header of the same rows of sensors in a file of their own, as in Google's Smartphone Decimeter Challenge."""
 _SENSORS = {
     "gyro_{}[rad/s]": ("UncalGyro", "Gyro"),
     "accel_{}[m/s^2]": ("UncalAccel", "Accel"),
@@ -37,7 +39,7 @@ _RECEIVERS = ("gps", "flp", "fused", "nlp", "network")
 
 def is_gnss_logger(data: bytes) -> bool:
     """Return whether a text is of this app."""
-    return data.startswith(b"#") and _COMMENT.search(data[:_HEAD]) is not None
+    return data.startswith(_WITH_KINDS) or data.startswith(b"#") and _COMMENT.search(data[:_HEAD]) is not None
 
 
 def tables_of(data: bytes) -> bytes:

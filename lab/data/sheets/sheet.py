@@ -26,6 +26,7 @@ from lab.data.sheets.sheet_cells import (
     angles_of_cells,
     are_decimal_commas,
     are_fixes,
+    codes_of_names,
     numbers_of_cells,
     offsets_of_zones,
     rows_of,
@@ -51,7 +52,9 @@ _NO_NUMBER = ("", "-", "null", "NULL", "None", "N/A", "n/a", "NA", "nan", "NaN",
 """How loggers write an unknown value."""
 _COORDINATES = ("latitude", "longitude")
 _TIMES = ("time", "seconds", "fraction", "date", "clock")
-_OF_TEXTS = {"side": signs_of_sides, "zone": offsets_of_zones, "fix": are_fixes}
+_OF_TEXTS = {
+    "side": signs_of_sides, "zone": offsets_of_zones, "fix": are_fixes, "craft": codes_of_names,
+}  # fmt: skip
 """Quantities whose cells are words."""
 
 

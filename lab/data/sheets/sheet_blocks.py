@@ -18,6 +18,7 @@ from lab.base.files.mission_error import MissionError
 from lab.data.clock.faults import is_regular
 from lab.data.files.profile import Profile
 from lab.data.sheets.sheet import Sheet, read_sheet, sheet_below
+from lab.data.sheets.sheet_cells import name_of_code
 from lab.data.sheets.sheet_clock import clock_of
 from lab.data.sheets.sheet_layout import HEAD, Layout, Overrides, layout_of
 
@@ -248,18 +249,23 @@ def _are_apart(time: FloatArray, falls: NDArray[np.bool_]) -> bool:
 
 
 def of_one_instance(sheet: Sheet) -> Sheet:
-    """Return a sheet with the rows of one of the sensors whose number is a column: of that with most rows."""
-    for heading, values in sheet.all_of("instance"):
+    """Return a sheet with the rows of one of the sensors, or of the vehicles, of that with most rows."""
+    for heading, values in (*sheet.all_of("craft"), *sheet.all_of("instance")):
         numbers, counts = np.unique(values[np.isfinite(values)], return_counts=True)
-        if not 1 < numbers.size <= _MAX_INSTANCES or (numbers % 1 != 0).any():
+        most = _MAX_INSTANCES if heading.quantity == "instance" else values.size
+        if not 1 < numbers.size <= most or (numbers % 1 != 0).any():
             continue
         # The I of some phones' tables is the light, which changes seldom: sensors take turns.
         if heading.text.strip() == "I" and 2 * np.count_nonzero(np.diff(values)) < values.size - counts.max():
             continue
         taken = numbers[int(np.argmax(counts))]
         rows = np.flatnonzero(values == taken)
-        others = ", ".join(f"{number:g}" for number in numbers if number != taken)
-        remark = f"{sheet.name}: {heading.text} is {taken:g} in the rows that are read, and not {others}."
+        others = [name_of_code(number) for number in numbers if number != taken]
+        more = f" or one of {len(others) - _MAX_INSTANCES} more" if len(others) > _MAX_INSTANCES else ""
+        remark = (
+            f"{sheet.name}: {heading.text} is {name_of_code(taken)} in the rows that are read, and not "
+            f"{', '.join(others[:_MAX_INSTANCES])}{more}."
+        )
         return replace(
             sheet,
             columns=tuple(column[rows] for column in sheet.columns),

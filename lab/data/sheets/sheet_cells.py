@@ -152,6 +152,26 @@ def are_fixes(cells: Any) -> FloatArray:
     return np.where(cells.str.lower().str.startswith("no"), 0.0, 1.0)
 
 
+_NAME_BYTES = 6
+"""Bytes of a name that a number holds: as many as an address of an aircraft has."""
+
+
+def codes_of_names(cells: Any) -> FloatArray:
+    """Return numbers for the names of vehicles: numbers as they are, and the end of others below zero."""
+    codes = {
+        name: float(name) if name.isdigit() else -float(int.from_bytes(name.encode()[-_NAME_BYTES:], "big"))
+        for name in cells.unique()
+    }
+    return np.where(cells == "", np.nan, cells.map(codes).to_numpy(float))
+
+
+def name_of_code(code: float) -> str:
+    """Return the end of the name of a vehicle that has this number."""
+    return (
+        f"{code:.0f}" if code >= 0 else int(-code).to_bytes(_NAME_BYTES, "big").strip(b"\0").decode("utf-8", "replace")
+    )
+
+
 def offsets_of_zones(cells: Any) -> FloatArray:
     """Return by how much zones, such as -05:00 or 02:30, are ahead of UTC [s]; NaN for other texts."""
     known = {

@@ -40,7 +40,9 @@ _ROUNDING = 1e-9
 _ALONG, _CLEARLY = 0.9, 0.5
 """Mean cosine between the course and the motion of the positions from which they agree, and the largest part
 of the rms angle between them in ° that may be left in rad."""
-_SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s", "cm/s", "mm/s")
+_SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s", "cm/s", "mm/s", "kt/100")
+_LIKE_UNITS = {"°": ("rad",), "1e-7°": ("semicircles", "1e-6°")}
+"""Units whose numbers are as large as those in another one: FIT has semicircles, TinyGPS 1e-6°."""
 _COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e-5)}
 """Whole numbers of a course in these units are above the first number, two turns in degrees, and up to the
 second; and their factor to degrees."""
@@ -180,10 +182,12 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     changed, held = _changes(rows, latitude.values, longitude.values)
     rows, time = rows[changed], time[changed]
     position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
-    if latitude.source == longitude.source == "assumed" and _are_radians(sheet, rows, time, position):
-        position[:, :2] /= DEGREE
-        source = "guessed: in °, the positions move 57 times as slowly as the velocity says"
-        latitude, longitude = (one._replace(unit="rad", source=source) for one in (latitude, longitude))
+    if latitude.source == longitude.source and latitude.source in DOUBTFUL:
+        unit = _unit_by_motion(sheet, latitude.unit, rows, time, position)
+        if unit != latitude.unit:
+            source = f"guessed: in {latitude.unit}, the positions do not move as fast as the velocity says"
+            position[:, :2] *= UNITS["angle"][unit] / UNITS["angle"][latitude.unit]
+            latitude, longitude = (one._replace(unit=unit, source=source) for one in (latitude, longitude))
     remarks = [
         f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source}).",
         words,
@@ -192,6 +196,10 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
         remarks.append(f"Other positions in the file are not used: {', '.join(others)}.")
     velocity, speed, course, units, moved = _velocity(sheet, rows, time, position)
+    if height.source in DOUBTFUL and any(one.unit == "kt/100" for one in units):
+        position[:, 2] *= UNITS["length"]["cm"] / UNITS["length"][height.unit]
+        height = height._replace(unit="cm", source="guessed: TinyGPS writes it beside hundredths of knots")
+        remarks.append(f"Heights: {height.name}, in {height.unit} ({height.source}).")
     sigmas, accuracies, more = sigmas_of(sheet, rows, (height, *units), position, velocity)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(
@@ -416,14 +424,25 @@ def _path_ratio(stated: FloatArray, time: FloatArray, position: FloatArray) -> f
     return float(np.sum(moved[fast]) / np.sum(stated[fast] * dt[fast])) if fast.sum() >= _MIN_LEGS else np.nan
 
 
-def _are_radians(sheet: Sheet, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> bool:
-    """Return whether coordinates that were read in degrees move as the velocity says if they are radians."""
-    if len(rows) < _MIN_LEGS or (np.abs(position[:, :2]) > (np.pi / 2 * DEGREE, np.pi * DEGREE)).any():
-        return False
+def _unit_by_motion(
+    sheet: Sheet, taken: str, rows: NDArray[np.intp], time: FloatArray, position: FloatArray
+) -> str:
+    """Return the unit in which coordinates that were read in another one move as fast as the velocity says."""
     north, east, speed = (column_of(sheet, name) for name in ("north", "east", "speed"))
-    stated = speed and speed.values if north is None or east is None else np.hypot(north.values, east.values)
-    place = position / (DEGREE, DEGREE, 1.0)
-    return stated is not None and bool(abs(np.log(_path_ratio(stated[rows], time, place))) < _UNIT_TOLERANCE)
+    if north is not None and east is not None:
+        speed = north._replace(values=np.hypot(north.values, east.values))
+    if speed is None or len(rows) < _MIN_LEGS or taken not in _LIKE_UNITS:
+        return taken
+    for unit in (taken, *_LIKE_UNITS[taken]):
+        factor = UNITS["angle"][unit] / UNITS["angle"][taken]
+        place = position * (factor, factor, 1.0)
+        if (np.abs(place[:, :2]) > (np.pi / 2, np.pi)).any():
+            continue
+        ratio = _path_ratio(speed.values[rows], time, place)
+        units = _SPEEDS if speed.source == "assumed" else ("m/s",)
+        if any(abs(np.log(ratio / UNITS["speed"][one])) < _UNIT_TOLERANCE for one in units):
+            return unit
+    return taken
 
 
 def _speed_unit(speed: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:

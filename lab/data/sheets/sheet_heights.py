@@ -102,11 +102,12 @@ def about_heights(name: str) -> tuple[str, ...]:
 
 
 def doubt_of_feet(height: Column, columns: Sequence[Column]) -> tuple[str, ...]:
-    """Return a sentence if heights without a unit stand beside a speed in knots, as in aviation."""
-    if height.source != "assumed" or all(column.unit != "kt" for column in columns):
+    """Return a sentence if heights without a unit stand beside a speed in knots, miles or feet."""
+    unit = next((column.unit for column in columns if column.unit in ("kt", "mph", "ft/s")), "")
+    if height.source != "assumed" or not unit:
         return ()
     return (
-        "The speed is in knots: if the heights are in feet, as in aviation, "
+        f"The speed is in {'knots' if unit == 'kt' else unit}: if the heights are in feet{', as in aviation' * (unit == 'kt')}, "
         f'--unit "{height.name}=ft" says so.',
     )
 

@@ -23,6 +23,7 @@ from lab.data.files.unit_names import UNITS
 from lab.data.log.log_remarks import span_text
 from lab.data.log.sensor_log import GnssLog
 from lab.data.sheets.column_names import GIVEN, VECTORS, Heading
+from lab.data.sheets.column_words import SENSORS
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_clock import Clock, clock_of
 from lab.motion.frames.displacement import velocity_of_positions
@@ -55,6 +56,7 @@ _MAX_APART = 2.5
 _TOGETHER = 0.5
 """Part of the rows with one sensor only, below which gyros and accelerometers share their rows."""
 _NUMBERS = re.compile(r"\d+")
+_SENSOR_WORDS = SENSORS["gyro"] | SENSORS["accelerometer"]
 _ANOTHER_DEVICE = re.compile(r"(?i)wrist|watch|headphone|airpods")
 """Names of tables that an app of a phone writes of another device with an IMU or receiver of its own."""
 _JITTERS = 0.01
@@ -137,7 +139,7 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     if not gyros or not forces:
         raise MissionError(_what_is_missing(sheets, bool(gyros), bool(forces)))
     force, remarks = _with_gravity(forces, triads(sheets, "gravity"))
-    gyro = _gyro(next((one for one in gyros if _is_beside(one, force)), gyros[0]), force)
+    gyro = _gyro(min(gyros, key=lambda one: _apart(one, force)), force)
     time, samples, merged = _merged(gyro, force)
     for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
         if others := [
@@ -148,10 +150,14 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     return Imu(time, samples, gyro, force, (*lines, *remarks, *merged))
 
 
-def _is_beside(gyro: Triad, force: Triad) -> bool:
-    """Return whether two sensors stand in one sheet, and have the same numbers in their headings."""
+def _apart(gyro: Triad, force: Triad) -> tuple[bool, bool]:
+    """Return whether two sensors differ in sheet or numbers, and in the place that their headings name."""
     numbers = [_NUMBERS.findall(one.headings[0].sensor) for one in (gyro, force)]
-    return gyro.sheet is force.sheet and numbers[0] == numbers[1]
+    places = [
+        {word for word in one.headings[0].sensor.lower().split() if word not in _SENSOR_WORDS}
+        for one in (gyro, force)
+    ]
+    return gyro.sheet is not force.sheet or numbers[0] != numbers[1], places[0] != places[1]
 
 
 def in_order(time: FloatArray, what: str) -> tuple[NDArray[np.intp], FloatArray, list[str]]:
