@@ -155,6 +155,10 @@ _NOT_READ = (
     (re.compile(rb"MATLAB 5|.HDF\r\n"), _EXPORT.format("MATLAB or HDF5")),
     (re.compile(rb"#ROSBAG|\x89MCAP|SQLite format 3"), _EXPORT.format("ROS bag or database")),
     (
+        re.compile(rb"\s*\d+\s+\d\d:\d\d:\d\d,\d{3} --> "),
+        "It holds subtitles (SRT) of a video: convert them to csv or GPX.",
+    ),
+    (
         re.compile(rb"(?s).{4}ftyp"),
         "It is a video: extract its telemetry as csv or GPX, for GoPro with gpmf tools.",
     ),

@@ -8,6 +8,7 @@ quantities. A file may have several tables, each under its own header (`lab.data
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -158,6 +159,7 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
         If the rows cannot be read.
     """
     units, start = units_below(data, layout)
+    layout = _with_date(data[start:], layout)
     rows = None
     if first_line:
         # A logger may end each line, or the header only, with a delimiter.
@@ -202,6 +204,25 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
         remarks=(*remarks, *_about(name, layout.profile)),
         profile=layout.profile,
         rows=rows,
+    )
+
+
+_OF_DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.]\d{4}")
+"""A date."""
+
+
+def _with_date(data: bytes, layout: Layout) -> Layout:
+    """Return a layout with a heading for the date, or the week, that stands before the first column, the time.
+
+    Between blanks, a time stamp with its date is two cells: RTKLIB writes both under ``GPST``.
+    """
+    cells = cells_of(data[:MAX_LINE].partition(b"\n")[0].decode("utf-8", "replace"), layout.delimiter)
+    first = layout.known[0]
+    if layout.delimiter != " " or len(cells) != len(layout.headings) + 1 or first is None or first.kind != "time":
+        return layout
+    date = Heading("date", "date") if _OF_DATE.fullmatch(cells[0]) else None
+    return replace(
+        layout, headings=("date" if date else "week", *layout.headings), known=(date, *layout.known)
     )
 
 

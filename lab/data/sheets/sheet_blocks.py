@@ -251,14 +251,14 @@ def _are_apart(time: FloatArray, falls: NDArray[np.bool_]) -> bool:
 def of_one_instance(sheet: Sheet) -> Sheet:
     """Return a sheet with the rows of one of the sensors, or of the vehicles, of that with most rows."""
     for heading, values in (*sheet.all_of("craft"), *sheet.all_of("instance")):
-        numbers, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+        numbers, first, counts = np.unique(values[np.isfinite(values)], return_index=True, return_counts=True)
         most = _MAX_INSTANCES if heading.quantity == "instance" else values.size
         if not 1 < numbers.size <= most or (numbers % 1 != 0).any():
             continue
         # The I of some phones' tables is the light, which changes seldom: sensors take turns.
         if heading.text.strip() == "I" and 2 * np.count_nonzero(np.diff(values)) < values.size - counts.max():
             continue
-        taken = numbers[int(np.argmax(counts))]
+        taken = numbers[np.lexsort((first, -counts))[0]]
         rows = np.flatnonzero(values == taken)
         others = [name_of_code(number) for number in numbers if number != taken]
         more = f" or one of {len(others) - _MAX_INSTANCES} more" if len(others) > _MAX_INSTANCES else ""

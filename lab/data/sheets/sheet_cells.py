@@ -262,7 +262,7 @@ UNIT = re.compile(
     r"(?i)[\s_.-](rad[_/ ]?s(?:ec)?|radps|rps|rad_per_s(?:ec)?|dps|deg[_/ ]?s(?:ec)?|degps|deg_per_s(?:ec)?|"
     r"mdps|mrad_s|m[_/ ]?s\^?2|m_s_2|mps2|mpss|m_per_s2|m/s/s|mg|milli_?g|gauss|mgauss|microt|[uµμ]t|hpa|"
     r"kpa|mbar|g|m[_/]s|mps|km[_/]?h|kph|kmh|kmph|"
-    r"knots|knot|kts|kt|kn|mph|ft_s|fps|deg|degrees|rad|m|meters|metres|ft|feet|mm|cm|s|sec|secs|seconds|ms|"
+    r"met(?:er|re)s_per_second|knots|knot|kts|kt|kn|mph|ft_s|fps|deg|degrees|rad|m|meters|metres|ft|feet|mm|cm|s|sec|secs|seconds|ms|"
     r"msec|millis|us|usec|micros|ns|nsec|nanos|1e7|e7)$"
 )
 """A unit at the end of a heading, without brackets."""

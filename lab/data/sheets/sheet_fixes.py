@@ -41,7 +41,11 @@ _ALONG, _CLEARLY = 0.9, 0.5
 """Mean cosine between the course and the motion of the positions from which they agree, and the largest part
 of the rms angle between them in ° that may be left in rad."""
 _SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s", "cm/s", "mm/s", "kt/100")
-_LIKE_UNITS = {"°": ("rad",), "1e-7°": ("semicircles", "1e-6°")}
+_HEIGHTS_BESIDE = {"kt/100": "cm", "ft/s": "ft"}
+"""Units of heights without a unit beside a speed in these: those of TinyGPS, and of who counts in feet."""
+_OF_FIT = re.compile(r"(?i)(?:start_|end_)?position_?(?:lat|long)")
+"""Headings of FIT, whose whole numbers are semicircles."""
+_LIKE_UNITS = {"°": ("rad",), "1e-7°": ("semicircles", "1e-6°"), "semicircles": ("1e-7°",)}
 """Units whose numbers are as large as those in another one: FIT has semicircles, TinyGPS 1e-6°."""
 _COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e-5)}
 """Whole numbers of a course in these units are above the first number, two turns in degrees, and up to the
@@ -188,6 +192,13 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
             source = f"guessed: in {latitude.unit}, the positions do not move as fast as the velocity says"
             position[:, :2] *= UNITS["angle"][unit] / UNITS["angle"][latitude.unit]
             latitude, longitude = (one._replace(unit=unit, source=source) for one in (latitude, longitude))
+    pace = column_of(sheet, "speed")
+    pace = pace and _speed_unit(pace, rows, time, position)
+    if height.source in DOUBTFUL and pace is not None and pace.unit in _HEIGHTS_BESIDE:
+        unit = _HEIGHTS_BESIDE[pace.unit]
+        position[:, 2] *= UNITS["length"][unit] / UNITS["length"][height.unit]
+        height = height._replace(unit=unit, source=f"guessed: the positions show that {pace.name} is in {pace.unit}")
+        words = f'Heights: {height.name}, in {unit} ({height.source}; --unit "{height.name}=m" states another one).'
     remarks = [
         f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source}).",
         words,
@@ -196,10 +207,6 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
         remarks.append(f"Other positions in the file are not used: {', '.join(others)}.")
     velocity, speed, course, units, moved = _velocity(sheet, rows, time, position)
-    if height.source in DOUBTFUL and any(one.unit == "kt/100" for one in units):
-        position[:, 2] *= UNITS["length"]["cm"] / UNITS["length"][height.unit]
-        height = height._replace(unit="cm", source="guessed: TinyGPS writes it beside hundredths of knots")
-        remarks.append(f"Heights: {height.name}, in {height.unit} ({height.source}).")
     sigmas, accuracies, more = sigmas_of(sheet, rows, (height, *units), position, velocity)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(
@@ -207,7 +214,7 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
         for one in (latitude, longitude, height, *units, *accuracies)
     )
     return Fixes(
-        sheet, gnss, speed, course, used, (*remarks, *moved, *doubt_of_feet(height, units), *more), rows
+        sheet, gnss, speed, course, used, (*remarks, *moved, *doubt_of_feet(height, (*units, *([pace] if pace else []))), *more), rows
     )
 
 
@@ -284,7 +291,8 @@ def _of_nmea(column: Column) -> Column:
 
 def _degrees(column: Column) -> Column:
     if column.source == "assumed" and np.nanmedian(np.abs(column.values)) > _MAX_DEGREES * DEGREE:
-        return column._replace(values=column.values * 1e-7, unit="1e-7°", source=BY_SIZE)
+        unit = "semicircles" if _OF_FIT.fullmatch(column.name) else "1e-7°"
+        return column._replace(values=column.values * UNITS["angle"][unit] / DEGREE, unit=unit, source=BY_SIZE)
     return column
 
 

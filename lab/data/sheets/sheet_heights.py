@@ -82,7 +82,9 @@ def column_of(sheet: Sheet, quantity: str) -> Column | None:
     found = sheet.all_of(quantity)
     if not found:
         return None
-    heading, values = found[0]
+    # Positions that never change are those of a home or of a remote control.
+    equal = [pair for pair in found if pair[0].rank == found[0][0].rank]
+    heading, values = next((pair for pair in equal if np.nanmin(pair[1]) < np.nanmax(pair[1])), found[0])
     kind = SCALARS[quantity]
     unit = heading.unit or next(iter(UNITS[kind]))
     source = heading.source if heading.unit else "assumed"
