@@ -95,10 +95,10 @@ class Openings(Handler):
         context.application.add(made)
         return made
 
-    @property
-    def crowded(self) -> bool:
-        """Whether other pages are open in a browser or waiting for their turn."""
-        return bool(self._waiting) or self._watched > 0
+    def is_crowded(self, document: Document) -> bool:
+        """Return whether pages besides that of a document are open in a browser or waiting for their turn."""
+        others = (one for one in self._sessions if one.document is not document)
+        return bool(self._waiting) or any(one.connection_count > 0 for one in others)
 
     @property
     def busy(self) -> bool:

@@ -165,8 +165,9 @@ class SimulatorPage:
     def servable(self) -> None:
         """Put the page into the document of this session and compute the first result.
 
-        A page alone is shown at once. While other pages are open or waiting, the page gets its frame first,
-        then its plots and its settings, so that no other session waits for all of it.
+        A page alone is shown with its plots, and gets its settings once they are painted. While other pages
+        are open or waiting, the page gets its frame first, then its plots and its settings part by part, so
+        that no other session waits for all of it.
         """
         self._steps += [self._show, self._add_settings, self._add_files]
         view = self._address.view
@@ -177,9 +178,10 @@ class SimulatorPage:
         else:
             self._open(view.tab)
         self._waiting_beside = view.beside or self._waiting_beside
-        if self._openings is None or not self._openings.crowded:
-            while self._steps:
-                self._steps.pop(0)()
+        if self._is_alone:
+            self._steps.pop(0)()
+        while self._steps and self._openings is None:
+            self._steps.pop(0)()
         self._view = self._frame()  # the garbage of an ended page is found from here
         self._view.param.watch(self._dress, "dark_theme")
         if self._view.dark_theme:
@@ -341,15 +343,24 @@ class SimulatorPage:
             self._openings.later(self._document, self._take_step)
 
     def _take_step(self) -> None:
-        """Run the next step of the opening: one message, after one search for new models."""
+        """Run the next step of the opening: one message, after one search for new models.
+
+        A page alone runs all steps that are left: its browser lays the page out once for them.
+        """
         if self._closed or not self._steps:
             return
-        step = self._steps.pop(0)
         try:
             with together(self._document), self._document.models.freeze():
-                step()
+                self._steps.pop(0)()
+                while self._steps and self._is_alone:
+                    self._steps.pop(0)()
         finally:
             self._go_on()
+
+    @property
+    def _is_alone(self) -> bool:
+        """Whether no other page is open in a browser or waiting for its turn."""
+        return self._openings is None or not self._openings.is_crowded(self._document)
 
     def _dress(self, *_events: param.parameterized.Event) -> None:
         self._dark = bool(self._view.dark_theme)
