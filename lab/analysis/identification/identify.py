@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from lab.analysis.identification.assumptions import (
     NOTHING,
     PARAMETERS,
     Assumed,
+    Known,
     assumed,
     cured,
     least_factors,
@@ -79,6 +80,7 @@ class _Found(NamedTuple):
     experiment: ExperimentSettings
     white: bool
     chosen_by: ChosenBy
+    known: Mapping[int, Known]
 
 
 @OneBlasThread()
@@ -129,7 +131,7 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
     masks = outages(again.stamps, first + settling, last)
     between = outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
     before = held_out(again, run.experiment, masks, search.dropped)
-    found = _judged(run, search, whole, estimate, (now, stands), masks, before, tell)
+    found = _searched(run, search, whole, estimate, (now, stands), masks, before, tell)
     # White innovations hold all that the log shows. The few outages that judge are won by chance, too.
     white = found.white
     if not white:
@@ -138,7 +140,7 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
         ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
         if ahead.masks:
             estimate = maximised(ahead, whole, begin, ahead.held, tell, 0.7, 0.8)
-            other = _judged(run, ahead, whole, estimate, (now, stands), masks, before, tell)
+            other = _searched(run, ahead, whole, estimate, (now, stands), masks, before, tell)
             found = _better_of(found, other)
     if not (white or better(before, found.after)):
         tell("trying factors on R and Q", 0.9)
@@ -197,7 +199,7 @@ def _without_outliers(search: Search, whole: list[Parameter], begin: FloatArray,
     return estimate
 
 
-def _judged(
+def _searched(
     run: Run,
     search: Search,
     whole: list[Parameter],
@@ -207,10 +209,47 @@ def _judged(
     before: HeldOut,
     tell: Progress,
 ) -> _Found:
+    """Return the result of a search and its prediction; `assumptions` are as of `_judged`.
+
+    If the innovations are not white, no parameter is the whole cause, and several explain a part of it about
+    as well. Latency and lever arm then change only if withheld fixes are predicted better than without.
+    """
+    found = _judged(run, search, whole, estimate, assumptions, masks, before, tell, {})
+    stands, where = assumptions[1], found.assumed
+    if found.white or (where.latency == stands.latency and np.array_equal(where.lever_arm, stands.lever_arm)):
+        return found
+    fixed = search._replace(held=search.held | (np.arange(PARAMETERS) >= LATENCY))
+    begin = np.where(fixed.held, [parameter.start for parameter in whole], estimate.value)
+    tell("searching without latency and lever arm", 0.85 if search.masks else 0.6)
+    estimate = maximised(fixed, whole, begin, fixed.held, _silent, 0.0, 1.0)
+    known = {index: one for index, one in found.known.items() if index >= LATENCY}
+    other = _judged(run, fixed, whole, estimate, assumptions, masks, before, _silent, known)
+    fine, fine_without = (better(before, one.after) for one in (found, other))
+    if fine != fine_without:
+        return found if fine else other
+    return found if better(other.after, found.after) else other
+
+
+def _silent(_stage: str, _fraction: float) -> None:
+    """Tell nobody of the progress."""
+
+
+def _judged(
+    run: Run,
+    search: Search,
+    whole: list[Parameter],
+    estimate: Estimate,
+    assumptions: tuple[Assumed, Assumed],
+    masks: list[Flags],
+    before: HeldOut,
+    tell: Progress,
+    seen: Mapping[int, Known],
+) -> _Found:
     """Return the result of a search and its prediction.
 
     `assumptions` are those of the filter, and with the advice of the verdict. Of these, only those change
-    that the log refutes; the others are held while the rest is estimated again.
+    that the log refutes; the others are held while the rest is estimated again. `seen` is what the log shows
+    of parameters that the search holds.
     """
     now, stands = assumptions
     done = 0.8 if search.masks else 0.5
@@ -225,7 +264,7 @@ def _judged(
         estimate = maximised(search, whole, begin, ~shown, tell, done, done + 0.1)
         known |= known_of(search, whole, estimate, shown, bounded)
         wrong = refuted(estimate, {int(index): known[int(index)] for index in np.flatnonzero(shown)}, start)
-    begun = search.begun
+    known, begun = {**seen, **known}, search.begun
     found = mixed(stands, begun.moved(estimate.value), wrong)
 
     def rows() -> tuple[Row, ...]:
@@ -237,7 +276,7 @@ def _judged(
     tell("predicting withheld fixes", done + 0.1)
     after = held_out(search.subject, changed, masks, search.dropped)
     chosen_by: ChosenBy = "outages" if search.masks else "next fixes"
-    return _Found(rows, changes, found, before, after, changed, estimate.white, chosen_by)
+    return _Found(rows, changes, found, before, after, changed, estimate.white, chosen_by, known)
 
 
 def _by_factors(
@@ -252,7 +291,7 @@ def _by_factors(
     found = now._replace(noise=factors.q * now.noise, factors=factors.r * now.factors)
     rows = partial(scaled_rows, run, now, found)
     return _Found(
-        rows, {"navigator": navigator}, found, factors.before, factors.after, changed, False, "factors"
+        rows, {"navigator": navigator}, found, factors.before, factors.after, changed, False, "factors", {}
     )
 
 

@@ -112,9 +112,12 @@ def test_a_drive_whose_r_is_wrong_is_predicted_nearly_as_well_as_can_be(recordin
     result = Experiment(mission=str(described(tmp_path / "log", recordings / "comma2k19"))).run()
     found = result.identify()
     assert found.recommended
-    # The best of a grid of factors on R and Q had 0.79 m, from a start where the settings had 1.62 m. If a
-    # latency explains this minute, it is 0.77 m, and 0.56 m if a gyro noise does.
-    assert found.after.position_error < min(0.79, found.before.position_error)
+    # The best of a grid of factors on R and Q had 0.79 m, from a start where the settings had 1.62 m. A
+    # latency explains a part of this minute, but predicts worse than noise does: its interval is stated only.
+    assert found.after.position_error < min(0.79, 0.8 * found.before.position_error)
+    assert "latency" not in found.applied
+    latency = next(row for row in found.rows if row.parameter == "latency")
+    assert latency.words.endswith("not changed")
 
 
 def test_factors_that_leave_the_bounds_of_a_setting_are_not_tried():
