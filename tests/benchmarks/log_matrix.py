@@ -46,6 +46,10 @@ class LogFault(NamedTuple):
     said: tuple[str, ...]
     damage: Damage
 
+    def is_named(self, text: str) -> bool:
+        """Return whether a sentence names this fault."""
+        return any(word in text for word in self.said)
+
 
 def columns(matrix_g: np.ndarray, matrix_f: np.ndarray) -> Damage:
     """Return what changes the axes and signs of gyros and accelerometers."""
@@ -113,6 +117,8 @@ def signs(*values: float) -> np.ndarray:
 
 SAME = np.eye(3)
 SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+NOSE = "the nose goes up about the axis called {} ("
+"""A refusal of wrong axes: the pitch rate of banked turns is about right."""
 FAULTS = {
     "none": LogFault(("Consistent",), lambda log, _: log),
     "forward accelerometer reversed": LogFault(
@@ -121,13 +127,35 @@ FAULTS = {
     "right accelerometer reversed": LogFault(
         ("right accelerometer", "along forward, minus right"), columns(SAME, signs(1, -1, 1))
     ),
-    "forward gyro reversed": LogFault(("forward gyro", "gyros"), columns(signs(-1, 1, 1), SAME)),
-    "right gyro reversed": LogFault(("right gyro", "gyros"), columns(signs(1, -1, 1), SAME)),
-    "down gyro reversed": LogFault(("down gyro", "gyro"), columns(signs(1, 1, -1), SAME)),
-    "gyros x and y reversed": LogFault(("gyro",), columns(signs(-1, -1, 1), SAME)),
-    "gyros x and y exchanged": LogFault(("gyro",), columns(SWAPPED, SAME)),
+    "forward gyro reversed": LogFault(
+        ("The forward gyro has", "gyros about minus forward, right, down"), columns(signs(-1, 1, 1), SAME)
+    ),
+    "right gyro reversed": LogFault(
+        ("The right gyro has", "gyros about forward, minus right, down", NOSE.format("minus right")),
+        columns(signs(1, -1, 1), SAME),
+    ),
+    "down gyro reversed": LogFault(
+        ("The down gyro has", "the gyro called down has", "gyros about forward, right, minus down"),
+        columns(signs(1, 1, -1), SAME),
+    ),
+    "gyros x and y reversed": LogFault(
+        (
+            "The forward and the right gyro have",
+            "gyros about minus forward, minus right, down",
+            NOSE.format("minus right"),
+        ),
+        columns(signs(-1, -1, 1), SAME),
+    ),
+    "gyros x and y exchanged": LogFault(
+        (
+            "The forward and the right gyro are exchanged.",
+            "gyros about right, forward, down",
+            NOSE.format("forward"),
+        ),
+        columns(SWAPPED, SAME),
+    ),
     "left-handed": LogFault(("left-handed",), columns(signs(1, -1, 1), signs(1, -1, 1))),
-    "exchanged left-handed": LogFault(("left-handed",), columns(SWAPPED, SWAPPED)),
+    "exchanged left-handed": LogFault(("left-handed", NOSE.format("forward")), columns(SWAPPED, SWAPPED)),
     "clock 1 % fast": LogFault(("clock",), clock(0.01)),
     "clock 0.5 % slow": LogFault(("clock",), clock(-0.005)),
     "clock 0.3 % fast": LogFault(("clock",), clock(0.003)),
@@ -169,7 +197,7 @@ def main(arguments: list[str]) -> None:
                 found = verdict(fault.damage(tables(*span, seed=seed, flight=flight(place)), rng))
                 text = str(found.findings[0].sentence if getattr(found, "findings", ()) else found)
                 runs += 1
-                right += any(word in text for word in fault.said)
+                right += fault.is_named(text)
                 said[text if len(arguments) else text[:80]] += 1
         print(
             f"{name:32} named {right}/{runs}",

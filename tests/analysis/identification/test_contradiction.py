@@ -20,6 +20,7 @@ from lab.motion.truth.trajectory import Trajectory
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Imu
 from lab.sensors.suite import SensorSuite
+from tests.benchmarks import log_matrix
 from tests.benchmarks.log_matrix import SAME, clipped, clock, columns, lost, signs
 from tests.sensor_logs import Tables, tables
 
@@ -196,3 +197,17 @@ def test_noise_that_the_samples_show_is_their_density(rate):
     shown = shown_noise(Imu(time, (turn + noise) / rate, np.zeros((count, 3))))
     np.testing.assert_allclose(shown[:3], 1e-4, rtol=0.2)
     assert not shown[3:].any()
+
+
+GYROS = {name: fault for name, fault in log_matrix.FAULTS.items() if "gyro" in name and "range" not in name}
+
+
+@pytest.mark.parametrize("name", GYROS)
+def test_the_log_matrix_counts_the_sentence_of_no_other_fault_of_the_gyros(name: str) -> None:
+    """The refusal by banked turns shows the right axis only: it is the same for two faults."""
+    for other, fault in GYROS.items():
+        for sentence in fault.said:
+            if "nose" not in sentence:
+                assert GYROS[name].is_named(f"{sentence} and more") == (name == other)
+    nose = log_matrix.NOSE.format("minus forward") + "correlation 0.93), not about right"
+    assert not GYROS[name].is_named(nose)
