@@ -108,19 +108,17 @@ class Live(PartOfWatched, Page):
         self._attitudes = AttitudesPart(WINDOWS["20 s"], self._fill_again)
         self._axes, self._allan = AxesPart(), AllanPart(self._session)
         self._twin = TwinPart(self._session, lambda: self._allan.card)
-        self._raw = RawPart()
         self._question = QuestionPart(self._keep_answer)
-        self._parts = {
-            PLOTS: self._plots,
-            ATTITUDES: self._attitudes.view,
-            ERRORS: self._errors.view,
-            AXES: self._axes.view,
-            ALLAN: self._allan.view,
-            TWIN: self._twin.view,
-            RAW: self._raw.view,
+        self._parts: dict[str, Any] = {
+            ATTITUDES: self._attitudes,
+            ERRORS: self._errors,
+            AXES: self._axes,
+            ALLAN: self._allan,
+            TWIN: self._twin,
+            RAW: RawPart(),
         }
         self._choice = pmui.RadioButtonGroup(
-            options=list(self._parts), value=PLOTS, size="small", margin=(10, 4), color="primary"
+            options=[PLOTS, *self._parts], value=PLOTS, size="small", margin=(10, 4), color="primary"
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
         self._stage = whole_column(self._plots)
@@ -167,12 +165,8 @@ class Live(PartOfWatched, Page):
         self._job.close()
         self._recorder.close()
         self._inviting.close()
-        self._errors.close()
-        self._attitudes.close()
-        self._axes.close()
-        self._allan.close()
-        self._twin.close()
-        self._raw.close()
+        for part in self._parts.values():
+            part.close()
         self._leave()
 
     def _turn(self) -> None:
@@ -188,31 +182,19 @@ class Live(PartOfWatched, Page):
             else:
                 self._tell_part()
             # A hand-made message may contain any value.
-            part = self._parts.get(str(self._choice.value), self._parts[PLOTS])
-            if self._stage.objects != [part]:
-                self._stage[:] = [part]
+            part = self._parts.get(str(self._choice.value))
+            view = self._plots if part is None else part.view
+            if self._stage.objects != [view]:
+                self._stage[:] = [view]
 
     def _tell_part(self) -> None:
         """Renew the chosen part."""
-        tells = {
-            ALLAN: self._allan.tell,
-            ATTITUDES: self._attitudes.tell,
-            AXES: self._axes.tell,
-            ERRORS: self._errors.tell,
-            RAW: self._raw.tell,
-            TWIN: self._twin.tell,
-        }
-        if tell := tells.get(str(self._choice.value)):
-            tell()
+        if part := self._parts.get(str(self._choice.value)):
+            part.tell()
 
     def _show_parts_of(self, watched: Watched | None) -> None:
-        self._errors.watch(watched)
-        self._attitudes.watch(watched)
-        self._axes.watch(watched)
-        self._allan.watch(watched)
-        self._twin.watch(watched)
-        self._raw.watch(watched)
-        self._question.watch(watched)
+        for part in (*self._parts.values(), self._question):
+            part.watch(watched)
 
     def _look_on(self) -> None:
         """Look at offers and rights now and then while the page is visible or watches, and else no more."""
