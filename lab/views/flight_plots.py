@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 from lab.base.aid_table import AIDS
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.navigation.aids import HEADING, HEIGHT, MAGNETIC, NAMES, SENSORS, SHOWN
-from lab.views.quantities import (
-    AXIS_COLOURS,
-    BODY,
-    ESTIMATE,
-    FIXES,
-    ROLL_PITCH_HEADING,
-    TRUTH,
-)
+from lab.views.quantities import AXIS_COLOURS, BODY, ESTIMATE, FIXES, ROLL_PITCH_HEADING, TRUTH, flown
 from lab.views.quantities import HEIGHT as OF_HEIGHT
 from lab.views.time_plot import AID_CLOCKS, Curve, FloatArray, Reader, TimePlot
 
@@ -86,41 +79,24 @@ def _flown(
     has_fixes: bool = False,
 ) -> TimePlot:
     """Return a plot of estimate and truth, and of the fixes where they measure it."""
-    fixes = Curve(f"{name}_fixes", "GPS fixes", FIXES, series("gps", variable, part), style="points")
-    return TimePlot(
-        name=name,
-        title=title,
-        unit=unit,
-        curves=(
-            Curve(f"{name}_estimate", "estimate", ESTIMATE, series("solution", variable, part)),
-            Curve(f"{name}_true", "truth", TRUTH, series("truth", variable, part), style="dashed"),
-        ),
-        fixes=fixes if has_fixes else None,
-        scale="free",
-    )
+    estimate, truth, fixes = (series(group, variable, part) for group in ("solution", "truth", "gps"))
+    return flown(name, title, unit, estimate, truth, fixes if has_fixes else None)
 
 
 def _measured(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
     """Return plots of what the IMU measured along its axes, and of the truth."""
+
+    def of_axis(kind: str, number: int) -> Reader:
+        return series("imu", f"{variable}{kind}", component(number))
+
     return tuple(
         TimePlot(
             name=f"{variable}_{axis}",
             title=f"{title}, {axis}",
             unit=unit,
             curves=(
-                Curve(
-                    f"{variable}_{axis}_true",
-                    "truth",
-                    TRUTH,
-                    series("imu", f"{variable}_true", component(number)),
-                    style="dashed",
-                ),
-                Curve(
-                    f"{variable}_{axis}",
-                    "measured",
-                    AXIS_COLOURS[number],
-                    series("imu", variable, component(number)),
-                ),
+                Curve(f"{variable}_{axis}_true", "truth", TRUTH, of_axis("_true", number), style="dashed"),
+                Curve(f"{variable}_{axis}", "measured", AXIS_COLOURS[number], of_axis("", number)),
             ),
             scale="free",
         )

@@ -115,30 +115,24 @@ SCALE_COVARIANCE: tuple[TimePlot, ...] = (
 """Beside these with 21 states."""
 
 
+def _estimated(
+    name: str, title: str, unit: str, colour: str, estimate: Reader, truth: Reader, sigma: Reader
+) -> TimePlot:
+    """Return a plot of the estimate of an error with its ±3σ, and of its true value."""
+    curves = (
+        Curve(name, "estimate", colour, estimate),
+        Curve(f"{name}_true", "truth", TRUTH, truth, style="dashed"),
+    )
+    band = Band(f"{name}_band", 3, colour, sigma, centre=estimate)
+    return TimePlot(name, title, unit, curves, band=band, scale="free")
+
+
 def _estimates(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
     plots = []
     for index, (axis, colour) in enumerate(zip(BODY, AXIS_COLOURS, strict=True)):
-        estimate = _component("sensor_errors", variable, index)
-        truth = _component("sensor_errors", f"{variable}_true", index)
-        plots.append(
-            TimePlot(
-                name=f"{variable}_{axis}",
-                title=f"{title}, {axis}",
-                unit=unit,
-                curves=(
-                    Curve(f"{variable}_{axis}", "estimate", colour, estimate),
-                    Curve(f"{variable}_{axis}_true", "truth", TRUTH, truth, style="dashed"),
-                ),
-                band=Band(
-                    f"{variable}_{axis}_band",
-                    3,
-                    colour,
-                    _component("sensor_errors", f"{variable}_sigma", index),
-                    centre=estimate,
-                ),
-                scale="free",
-            )
-        )
+        names = variable, f"{variable}_true", f"{variable}_sigma"
+        readers = (_component("sensor_errors", name, index) for name in names)
+        plots.append(_estimated(f"{variable}_{axis}", f"{title}, {axis}", unit, colour, *readers))
     return tuple(plots)
 
 
@@ -173,28 +167,19 @@ def further_plots(names: tuple[str, ...]) -> tuple[TimePlot, ...]:
     for block in (find_block(name) for name in names if name not in SCALES):
         for index, state in enumerate(block.names):
             name, colour = state.replace(" ", "_"), AXIS_COLOURS[index % len(AXIS_COLOURS)]
-            estimate = _further("estimate", state)
-            truth = _further("truth", state)
-            plots.append(
-                TimePlot(
-                    name=name,
-                    title=state[0].upper() + state[1:],
-                    unit=block.shown_unit,
-                    curves=(
-                        Curve(name, "estimate", colour, estimate),
-                        Curve(f"{name}_true", "truth", TRUTH, truth, style="dashed"),
-                    ),
-                    band=Band(
-                        f"{name}_band",
-                        3,
-                        colour,
-                        _further("sigma", state),
-                        centre=estimate,
-                    ),
-                    scale="free",
-                )
-            )
+            readers = (_further(variable, state) for variable in ("estimate", "truth", "sigma"))
+            title = state[0].upper() + state[1:]
+            plots.append(_estimated(name, title, block.shown_unit, colour, *readers))
     return tuple(plots)
+
+
+def _innovation(
+    name: str, title: str, unit: str, colour: str, value: Reader, sigma: Reader, clock: Clock
+) -> TimePlot:
+    """Return a plot of an innovation, as points, with its ±3σ."""
+    name = f"innovation_{name}"
+    curve = Curve(name, "innovation", colour, value, style="points")
+    return TimePlot(name, title, unit, (curve,), band=Band(f"{name}_band", 3, colour, sigma), clock=clock)
 
 
 def _aid(variable: str, kind: int) -> Reader:
@@ -210,20 +195,10 @@ def aid_plots(kinds: tuple[int, ...]) -> tuple[TimePlot, ...]:
     """Return plots of the innovations of the measurements besides GPS, given their kinds."""
     plots = []
     for place, kind in enumerate(kinds):
-        name, colour = NAMES[kind].replace(" ", "_"), AXIS_COLOURS[place % 3]
-        innovation = Curve(
-            f"innovation_{name}", "innovation", colour, _aid("innovation", kind), style="points"
-        )
-        plots.append(
-            TimePlot(
-                name=f"innovation_{name}",
-                title=f"{NAMES[kind][0].upper()}{NAMES[kind][1:]} innovation",
-                unit=SHOWN[kind][0],
-                curves=(innovation,),
-                band=Band(f"innovation_{name}_band", 3, colour, _aid("sigma", kind)),
-                clock=AID_CLOCKS[kind],
-            )
-        )
+        name, title = NAMES[kind].replace(" ", "_"), f"{NAMES[kind][0].upper()}{NAMES[kind][1:]} innovation"
+        unit, colour, clock = SHOWN[kind][0], AXIS_COLOURS[place % 3], AID_CLOCKS[kind]
+        value, sigma = _aid("innovation", kind), _aid("sigma", kind)
+        plots.append(_innovation(name, title, unit, colour, value, sigma, clock))
     return tuple(plots)
 
 
@@ -252,50 +227,31 @@ def _of_temperature(variable: str) -> Reader:
     return read
 
 
-TEMPERATURE: tuple[TimePlot, ...] = (
-    TimePlot(
-        name="temperature",
-        title="Temperature of the IMU",
-        unit="°C",
-        curves=(
-            Curve("temperature_true", "truth", BLUE, _of_temperature("true"), is_whole=True),
-            Curve(
-                "temperature_reading",
-                "thermometer",
-                ORANGE,
-                _of_temperature("reading"),
-                style="dashed",
-                is_whole=True,
-            ),
-        ),
-        scale="free",
+_THERMAL = (
+    Curve("temperature_true", "truth", BLUE, _of_temperature("true"), is_whole=True),
+    Curve(
+        "temperature_reading",
+        "thermometer",
+        ORANGE,
+        _of_temperature("reading"),
+        style="dashed",
+        is_whole=True,
     ),
 )
+TEMPERATURE = (TimePlot("temperature", "Temperature of the IMU", "°C", _THERMAL, scale="free"),)
 """Shown if a temperature profile is set."""
 
 
 def _innovations(variable: str, unit: str) -> tuple[TimePlot, ...]:
     return tuple(
-        TimePlot(
-            name=f"innovation_{variable}_{axis}",
-            title=f"Innovation, {axis}",  # the unit says which; with rms and share, no more has room
-            unit=unit,
-            curves=(
-                Curve(
-                    f"innovation_{variable}_{axis}",
-                    "innovation",
-                    colour,
-                    _component("innovations", variable, index),
-                    style="points",
-                ),
-            ),
-            band=Band(
-                f"innovation_{variable}_{axis}_band",
-                3,
-                colour,
-                _component("innovations", f"{variable}_sigma", index),
-            ),
-            clock="time_gps",
+        _innovation(
+            f"{variable}_{axis}",
+            f"Innovation, {axis}",  # the unit says which; with rms and share, no more has room
+            unit,
+            colour,
+            _component("innovations", variable, index),
+            _component("innovations", f"{variable}_sigma", index),
+            "time_gps",
         )
         for index, (axis, colour) in enumerate(zip(EAST_NORTH_UP, AXIS_COLOURS, strict=True))
     )
@@ -355,14 +311,8 @@ def _normalised(variable: str) -> TimePlot:
         for index, (axis, colour) in enumerate(zip(EAST_NORTH_UP, AXIS_COLOURS, strict=True))
     )
     band = Band(f"normalised_{variable}_band", 3, TRUTH, unit)
-    return TimePlot(
-        f"normalised_{variable}",
-        f"{variable.capitalize()} innovations",
-        "σ",
-        curves,
-        band=band,
-        clock="time_gps",
-    )
+    title = f"{variable.capitalize()} innovations"
+    return TimePlot(f"normalised_{variable}", title, "σ", curves, band=band, clock="time_gps")
 
 
 def _average(name: str, variable: str, colour: str, clock: Clock = "time") -> TimePlot:
@@ -400,31 +350,28 @@ ENSEMBLE_CONSISTENCY: tuple[TimePlot, ...] = (
     _average("Position NEES between fixes, average over runs", "anees_between", BLUE, "time_between"),
 )
 
+
+def flown(
+    name: str, title: str, unit: str, estimate: Reader, truth: Reader, fixes: Reader | None = None
+) -> TimePlot:
+    """Return a plot of estimate and truth, and of the fixes where they measure it."""
+    curves = (
+        Curve(f"{name}_estimate", "estimate", ESTIMATE, estimate),
+        Curve(f"{name}_true", "truth", TRUTH, truth, style="dashed"),
+    )
+    of_fixes = fixes and Curve(f"{name}_fixes", "GPS fixes", FIXES, fixes, style="points")
+    return TimePlot(name, title, unit, curves, fixes=of_fixes, scale="free")
+
+
+_FLOWN = ("solution", "truth", "gps")
 HEIGHT: tuple[TimePlot, ...] = (  # component 2 of a vector is down
-    TimePlot(
-        name="height",
-        title="Height above the ellipsoid",
-        unit="m",
-        curves=(
-            Curve("height_estimate", "estimate", ESTIMATE, _scalar("solution", "height")),
-            Curve("height_true", "truth", TRUTH, _scalar("truth", "height"), style="dashed"),
-        ),
-        fixes=Curve("height_fixes", "GPS fixes", FIXES, _scalar("gps", "height"), style="points"),
-        scale="free",
-    ),
+    flown("height", "Height above the ellipsoid", "m", *(_scalar(group, "height") for group in _FLOWN)),
     ERRORS[2],
-    TimePlot(
-        name="velocity_up",
-        title="Vertical velocity, up",
-        unit="m/s",
-        curves=(
-            Curve("velocity_up_estimate", "estimate", ESTIMATE, _component("solution", "velocity", 2)),
-            Curve("velocity_up_true", "truth", TRUTH, _component("truth", "velocity", 2), style="dashed"),
-        ),
-        fixes=Curve(
-            "velocity_up_fixes", "GPS fixes", FIXES, _component("gps", "velocity", 2), style="points"
-        ),
-        scale="free",
+    flown(
+        "velocity_up",
+        "Vertical velocity, up",
+        "m/s",
+        *(_component(group, "velocity", 2) for group in _FLOWN),
     ),
 )
 
