@@ -194,9 +194,8 @@ def about_fit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
             parts.append(f"The {triad}s have a low-pass of about {terms.low_pass.cut_off:.2g} Hz: {how}.")
         if hidden := [axis for axis, value in zip("xyz", terms.N, strict=True) if np.isnan(value)]:
             parts.append(
-                f"The white noise of {triad} {', '.join(hidden)} is not known: the samples are rounded "
-                f"too coarsely, "
-                "or the filter hides it."
+                f"The white noise of {triad} {', '.join(hidden)} is not known: the samples are rounded too "
+                "coarsely, or the filter hides it."
             )
     poor = [
         f"{triad} {axis} (p {p_value:.1g})"
@@ -206,9 +205,8 @@ def about_fit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
     ]
     if poor:
         parts.append(
-            f"The five terms do not explain the Allan deviation of {', '.join(poor)}. Other possible "
-            f"causes are "
-            "vibration, a changing temperature, or a bias with a correlation time."
+            f"The five terms do not explain the Allan deviation of {', '.join(poor)}. Other possible causes "
+            "are vibration, a changing temperature, or a bias with a correlation time."
         )
     return " ".join(parts)
 

@@ -419,9 +419,8 @@ def _check_rest(triad: str, record: Record) -> None:
             change = float(_sigma(np.abs(np.diff(means, axis=0)), rates).max())
             if change > LIMITS.unsteady:
                 raise MissionError(
-                    f"the rates change by {np.degrees(change):.3g} °/s from second to second; accepted "
-                    f"is a record "
-                    "at rest"
+                    f"the rates change by {np.degrees(change):.3g} °/s from second to second; accepted is a "
+                    "record at rest"
                 )
         return
     parts = min(_PARTS, len(rates) // _SAMPLES_PER_PART)

@@ -112,9 +112,8 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
     if count < FEWEST_ATTITUDES:
         raise MissionError(
             f"the device rests in {counted(count, 'attitude')} ({counted(rests.count, 'rest')}); accepted "
-            "are at "
-            f"least {FEWEST_ATTITUDES}, such as the six faces of a box, each of them twice, with turns "
-            "between them"
+            f"are at least {FEWEST_ATTITUDES}, such as the six faces of a box, each of them twice, with "
+            "turns between them"
         )
     size = STANDARD_GRAVITY if gravity is None else gravity
     fit, problem = solve(rests, size)
@@ -147,10 +146,9 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
         sentences.append(CONVENTION)
     if gravity is None and ACCELEROMETER in gaining:
         sentences.append(
-            f"Gravity is taken as {size:.4f} ± {GRAVITY_SIGMA:g} m/s², since the place is unknown: it is "
-            "in σ of the "
-            "scale factors of the accelerometers, which it changes all alike. --latitude says where the "
-            "log is from."
+            f"Gravity is taken as {size:.4f} ± {GRAVITY_SIGMA:g} m/s², since the place is unknown: it is in "
+            "σ of the scale factors of the accelerometers, which it changes all alike. --latitude says where "
+            "the log is from."
         )
     return ImuCalibration(terms, judgements, tuple(sentences), calibration)
 
@@ -228,9 +226,8 @@ def _unknown(terms: tuple[Term, ...], rests: Rests) -> list[str]:
         missing = [one.axis for one in terms if (one.group, one.name) == (group, name) and not one.is_known]
         if missing:
             sentences.append(
-                f"Unknown stays the {name} of the {group}s, {', '.join(missing)}: it needs {wanted} (σ "
-                "that the "
-                f"{counted(rests.count, 'rest')} and {counted(len(rests.turns), 'turn')} leave is above "
+                f"Unknown stays the {name} of the {group}s, {', '.join(missing)}: it needs {wanted} (σ that "
+                f"the {counted(rests.count, 'rest')} and {counted(len(rests.turns), 'turn')} leave is above "
                 f"{100 * SHOWN:g} % of that beforehand)."
             )
     return sentences

@@ -229,8 +229,7 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
     if not tried:
         raise MissionError(
             f"the magnetometer turned too little: {covered}; accepted is a log in which it turns in all "
-            "directions, or "
-            "at least once round"
+            "directions, or at least once round"
         )
     best = tried[0]
     for richer in tried[1:]:
@@ -248,11 +247,9 @@ def _lacking(model: _Model, fields: FloatArray) -> str:
     scatter = _rms(model.residual(found.p, fields))
     return (
         f"the best one has a size of {size:.3g} µT, a scatter of {scatter:.2g} µT and a centre with a σ of "
-        f"{hard:.2g} µT; accepted are sizes of the Earth's field, {LIMITS.weakest:g} to "
-        f"{LIMITS.strongest:g} µT, a "
-        f"scatter of {100 * LIMITS.round:g} % and a σ of {100 * LIMITS.hard:g} % of it. Motors, currents "
-        "and iron "
-        "nearby change the field, and a device that does not turn shows its noise alone"
+        f"{hard:.2g} µT; accepted are sizes of the Earth's field, {LIMITS.weakest:g} to {LIMITS.strongest:g} "
+        f"µT, a scatter of {100 * LIMITS.round:g} % and a σ of {100 * LIMITS.hard:g} % of it. Motors, "
+        "currents and iron nearby change the field, and a device that does not turn shows its noise alone"
     )
 
 
@@ -373,14 +370,12 @@ def _result(best: _Found, judgement: Judgement, covered: str, source: str) -> Ma
     if judgement.gains and d == 2:
         sentences.append(
             "Only the iron in this plane is known, since the device turned about one axis. It holds while "
-            "the device "
-            "turns about that axis, as a level vehicle does."
+            "the device turns about that axis, as a level vehicle does."
         )
     if judgement.gains:
         sentences.append(
-            f"The field {'in the plane ' if d == 2 else ''}is {size:.1f} µT; iron of the vehicle that "
-            "turns with the "
-            "device is what this removes, and currents that change are not."
+            f"The field {'in the plane ' if d == 2 else ''}is {size:.1f} µT; iron of the vehicle that turns "
+            "with the device is what this removes, and currents that change are not."
         )
     return MagnetometerCalibration(
         model.name, tuple(terms), judgement, tuple(sentences), Calibration(source=source, magnetometer=linear)

@@ -310,9 +310,8 @@ def _scored(
         if (np.abs(values[:2]) > LIMITS.largest).any():
             raise MissionError(
                 f"{drive.log.name}: the IMU would be mounted askew by more than "
-                f"{math.degrees(LIMITS.largest):.0f}°; "
-                "accepted are axes that point forward, right and down: ins-lab import --axes, or "
-                "mounting_deg in log.toml"
+                f"{math.degrees(LIMITS.largest):.0f}°; accepted are axes that point forward, right and down: "
+                "ins-lab import --axes, or mounting_deg in log.toml"
             )
         covariance = inverse @ (_spread(base.time[used], scores, information) + np.diag(prior)) @ inverse
         if (np.abs(change) < LIMITS.settled * np.sqrt(np.diagonal(covariance))).all():
@@ -459,23 +458,19 @@ def _sentences(
         names = " and ".join(term.axis for term in unknown)
         worst = max(term.sigma for term in unknown)
         parts.append(
-            f"The calibration of the mounting is refused: {names} would have a σ of {worst:.2g}°, and "
-            "stated are angles "
-            f"with {math.degrees(LIMITS.known):g}° or less ({seconds:.0f} s of driving; turns and changes "
-            "of speed show "
-            "the heading of the IMU)."
+            f"The calibration of the mounting is refused: {names} would have a σ of {worst:.2g}°, and stated "
+            f"are angles with {math.degrees(LIMITS.known):g}° or less ({seconds:.0f} s of driving; turns and "
+            "changes of speed show the heading of the IMU)."
         )
         return parts
     outage = (
-        f"horizontal error after {OUTAGE:g} s without fixes in the other half: {sizes[0]:.3g} m without "
-        "the conditions of "
-        f"wheels, {sizes[1]:.3g} m with them, {sizes[2]:.3g} m with them and the angles"
+        f"horizontal error after {OUTAGE:g} s without fixes in the other half: {sizes[0]:.3g} m without the "
+        f"conditions of wheels, {sizes[1]:.3g} m with them, {sizes[2]:.3g} m with them and the angles"
     )
     if judgement.gains and not helps:
         parts.append(
             "The calibration of the mounting is refused: with it, positions without fixes are not better "
-            f"({outage}). The "
-            "vehicle slips, or the place that does not is elsewhere."
+            f"({outage}). The vehicle slips, or the place that does not is elsewhere."
         )
         return parts
     parts.append(str(judgement))

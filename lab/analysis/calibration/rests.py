@@ -134,9 +134,8 @@ def find_rests(gyro: Samples, accelerometer: Samples) -> Rests:
     edges = start + LIMITS.block * np.arange(count + 1)
     if count < LIMITS.shortest / LIMITS.block:
         raise MissionError(
-            f"gyros and accelerometers were recorded together for {max(stop - start, 0.0):.1f} s; "
-            "accepted are rests of "
-            f"{LIMITS.shortest:g} s or more in several attitudes, with turns between them"
+            f"gyros and accelerometers were recorded together for {max(stop - start, 0.0):.1f} s; accepted "
+            f"are rests of {LIMITS.shortest:g} s or more in several attitudes, with turns between them"
         )
     rate, force = _blocks(gyro, edges), _blocks(accelerometer, edges)
     still = _still(rate, force)

@@ -93,8 +93,7 @@ class Judgement:
         if self.count < FEWEST_JUDGED:
             return (
                 f"The calibration of the {self.group} is refused: the log leaves {self.count} values to "
-                "judge it "
-                f"by ({self.measure}); accepted are at least {FEWEST_JUDGED}."
+                f"judge it by ({self.measure}); accepted are at least {FEWEST_JUDGED}."
             )
         rests = (
             f"{self.measure} in withheld data: {self.before:.3g} {self.unit} before, "
