@@ -13,7 +13,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.cli import options
 from lab.cli.app import CommandError, argument, option, print_json, working
 from lab.cli.card_table import ASSUMED, FOOT, number
-from lab.cli.terminal import table
+from lab.cli.terminal import listed, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.analysis.allan import NoiseTerms
@@ -73,8 +73,7 @@ def allan(
     if as_json:
         print_json({"record": record, "remarks": list(records.remarks), **_facts(records, terms)})
     else:
-        remarks = "\n".join(f"- {remark}" for remark in records.remarks)
-        print("\n\n".join(part for part in (_terms(terms, card), _goodness(terms), remarks) if part))
+        print(paragraphs(_terms(terms, card), _goodness(terms), listed(records.remarks)))
 
 
 def _card(name: str, assumed: bool) -> Card:

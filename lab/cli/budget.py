@@ -8,7 +8,7 @@ import numpy as np
 
 from lab.cli.app import CommandError, option, print_json, working
 from lab.cli.options import AsJson, Assignments, Assumed, Card, Config, Mission, Seed, experiment
-from lab.cli.terminal import table
+from lab.cli.terminal import paragraphs, table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,8 +45,7 @@ def error_budget(
 
         print_json({**origin_of(chosen), "remarks": list(result.remarks), **budget_of(there)})
     else:
-        note = chosen.sensors.card_remark()
-        print("\n\n".join((_budget(there), *((note,) if note else ()))))
+        print(paragraphs(_budget(there), chosen.sensors.card_remark()))
 
 
 def _check_time(at: float | None, end: float) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from lab.base.files.atomic_file import write_file
 from lab.cli import options
 from lab.cli.app import CommandError, argument, group, option, print_json, working
-from lab.cli.terminal import table
+from lab.cli.terminal import listed, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.experiment.calibration import Found
@@ -123,9 +123,8 @@ def _answer(found: Found, out: Path | None, force: bool, as_json: bool, applied:
             for term in found.stated
         ]
         head = ("group", "term", "axis", "value", "σ", "unit", "95 % interval")
-        parts = [table(head, rows, right={3, 4})] if rows else ["No number is stated."]
-        parts.append("\n".join(f"- {sentence}" for sentence in found.sentences))
-        print("\n\n".join(parts))
+        shown = table(head, rows, right={3, 4}) if rows else "No number is stated."
+        print(paragraphs(shown, listed(found.sentences)))
     if out is None:
         return
     if out.exists() and not force:

@@ -11,7 +11,7 @@ import typer
 
 from lab.cli import options
 from lab.cli.app import option, print_json, working
-from lab.cli.terminal import table
+from lab.cli.terminal import paragraphs, table
 
 if TYPE_CHECKING:
     from lab.experiment.ensembles.comparison import Compared
@@ -57,8 +57,7 @@ def compare(
         gaps = {"assumed": chosen.sensors.assumed_terms(), "lacking": chosen.sensors.lacking_terms()}
         print_json([{**asdict(row), **gaps} for row in rows])
     else:
-        note = chosen.sensors.card_remark()
-        print("\n\n".join((_comparison(rows), *((note,) if note else ()))))
+        print(paragraphs(_comparison(rows), chosen.sensors.card_remark()))
 
 
 def _comparison(rows: Sequence[Compared]) -> str:

@@ -14,7 +14,7 @@ from lab.cli import options
 from lab.cli.app import option, print_json, working, writing
 from lab.cli.interrupt import STOPPED, interrupted
 from lab.cli.run import verdict_text
-from lab.cli.terminal import table
+from lab.cli.terminal import paragraphs, table
 
 if TYPE_CHECKING:
     from threading import Event
@@ -94,7 +94,7 @@ def ensemble(
     if as_json:
         print_json(facts)
     else:
-        print("\n\n".join((_heading(facts, done), _errors(facts), verdict_text(verdict))))
+        print(paragraphs(_heading(facts, done), _errors(facts), verdict_text(verdict)))
     if out is not None:
         with writing(out, "--out"):
             found.to_netcdf(out, overwrite=force)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from lab.base.files.atomic_file import write_file
 from lab.cli.app import CommandError, option, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, check_out, experiment
-from lab.cli.terminal import table
+from lab.cli.terminal import listed, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.analysis.identification.identification import Identification
@@ -80,7 +80,4 @@ def _text(found: Identification) -> str:
         for row in found.rows
     ]
     header = ("parameter", "unit", "before", "after", "σ", "95 % interval")
-    parts = [table(header, rows, right={2, 3, 4}), found.sentence]
-    if found.remarks:
-        parts.append("\n".join(f"- {remark}" for remark in found.remarks))
-    return "\n\n".join(parts)
+    return paragraphs(table(header, rows, right={2, 3, 4}), found.sentence, listed(found.remarks))

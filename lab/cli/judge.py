@@ -9,7 +9,7 @@ import typer
 
 from lab.cli.app import argument, print_json, working
 from lab.cli.options import AsJson
-from lab.cli.terminal import table
+from lab.cli.terminal import paragraphs, table
 
 if TYPE_CHECKING:
     from lab.analysis.verdicts.foreign_verdict import ForeignVerdict
@@ -58,7 +58,7 @@ def _text(found: ForeignVerdict) -> str:
         lines = [f"  {one.time:10.1f} s  {one.kind:9} {one.text} [{one.source}]" for one in found.log.events]
         parts.append("\n".join(("What happened:", *lines)))
     parts.append(f"What its own flags say: {found.log.flags}")
-    return "\n\n".join(part for part in parts if part)
+    return paragraphs(*parts)
 
 
 def _table(found: ForeignVerdict) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from lab.cli.app import CommandError, option, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, experiment
-from lab.cli.terminal import table
+from lab.cli.terminal import listed, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.experiment.number_table import ImuNumbers
@@ -67,14 +67,11 @@ def numbers(
 def _text(found: ImuNumbers) -> str:
     from lab.experiment.number_table import HEADS, UNKNOWN  # noqa: PLC0415 - help does not need it
 
-    parts = [f"At rest: {found.static or UNKNOWN}. In motion: {found.moving or UNKNOWN}."]
-    parts.append(table(HEADS, found.cells, right={5, 7}))
-    parts.append(found.convention)
-    parts.append(
-        "\n".join(
-            f"- {row.triad}, {row.term}: {row.basis}. Cause of the factor: {row.cause}" for row in found.rows
-        )
+    causes = [f"{row.triad}, {row.term}: {row.basis}. Cause of the factor: {row.cause}" for row in found.rows]
+    return paragraphs(
+        f"At rest: {found.static or UNKNOWN}. In motion: {found.moving or UNKNOWN}.",
+        table(HEADS, found.cells, right={5, 7}),
+        found.convention,
+        listed(causes),
+        listed(found.remarks),
     )
-    if found.remarks:
-        parts.append("\n".join(f"- {remark}" for remark in found.remarks))
-    return "\n\n".join(parts)

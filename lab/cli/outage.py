@@ -12,7 +12,7 @@ import typer
 from lab.cli import options
 from lab.cli.app import option, print_json, working, writing
 from lab.cli.interrupt import STOPPED, interrupted
-from lab.cli.terminal import table
+from lab.cli.terminal import paragraphs, table
 from lab.missions import mission as find_mission
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _text(found: OutageTable, chosen: Experiment) -> str:
     titles, rows = found.cells()
     shown = table(titles, rows, right={2, 3, 4, 6, 7})
     note = chosen.sensors.card_remark() if len(rows) == 1 else ""
-    return "\n\n".join(filter(None, (shown, found.tuning, *found.remarks, note)))
+    return paragraphs(shown, found.tuning, *found.remarks, note)
 
 
 def _write(found: OutageTable, chosen: Experiment, given: Mapping[str, Any], out: Path, force: bool) -> None:

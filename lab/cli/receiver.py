@@ -11,7 +11,7 @@ import typer
 from lab.base.files.atomic_file import write_file
 from lab.cli.app import CommandError, argument, option, print_json, working
 from lab.cli.options import AsJson, Force, check_out
-from lab.cli.terminal import table
+from lab.cli.terminal import listed, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.experiment.receiver import ReceiverReport
@@ -93,8 +93,7 @@ def _text(found: ReceiverReport) -> str:
             for low, high, count, size in found.by_satellites
         ]
         parts.append(table(("satellites", "fixes", "innovations in σ"), several, right={1, 2}))
-    parts.append("\n".join(f"- {sentence}" for sentence in found.sentences))
-    return "\n\n".join(parts)
+    return paragraphs(*parts, listed(found.sentences))
 
 
 def _number(value: float) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from lab.cli import options
 from lab.cli.app import CommandError, option, print_json, working, writing
 from lab.cli.export import check_export, write
-from lab.cli.terminal import ProgressLine, table
+from lab.cli.terminal import ProgressLine, listed, paragraphs, table
 from lab.missions import LogMission
 from lab.missions import mission as find_mission
 
@@ -102,7 +102,7 @@ def run(
 
 def report(result: Result, verdict: Verdict) -> str:
     """Return a result as text: its errors, its remarks, and a verdict."""
-    return "\n\n".join((_errors(result), *_remarks(result), verdict_text(verdict)))
+    return paragraphs(_errors(result), listed(result.remarks), verdict_text(verdict))
 
 
 def _set_log(chosen: Experiment, of_logs: Mapping[str, float | str | None]) -> None:
@@ -129,11 +129,6 @@ def json_facts(
     found = result.identify(progress) if "identification" in more else None
     files = {name: None if path is None else str(path) for name, path in written.items()}
     return {**result.to_dict(budget="budget" in more, identification=found), **files}
-
-
-def _remarks(result: Result) -> list[str]:
-    """Return the remarks, one per line, if there are any."""
-    return ["\n".join(f"- {remark}" for remark in result.remarks)] if result.remarks else []
 
 
 def _errors(result: Result) -> str:

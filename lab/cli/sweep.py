@@ -15,7 +15,7 @@ from lab.cli import options
 from lab.cli.app import CommandError, argument, option, print_json, working, writing
 from lab.cli.ensemble import beside, shown
 from lab.cli.interrupt import STOPPED, interrupted
-from lab.cli.terminal import table
+from lab.cli.terminal import listed, paragraphs, table
 from lab.missions import LogMission
 from lab.missions import mission as find_mission
 
@@ -132,8 +132,7 @@ def sweep(
     if as_json:
         print_json(facts)
     else:
-        notes = "\n".join(f"- {one}" for one in (*found.refused, *facts["remarks"]))
-        print("\n\n".join(filter(None, (_points(facts), notes))))
+        print(paragraphs(_points(facts), listed((*found.refused, *facts["remarks"]))))
     if out is not None:
         write = found.to_netcdf if out.suffix.lower() == ".nc" else found.to_csv
         with writing(out, "--out"):

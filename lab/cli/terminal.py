@@ -12,7 +12,7 @@ import textwrap
 import threading
 import time
 import unicodedata
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, ClassVar, Self, TextIO, cast
 
 PATIENCE = 0.5
@@ -155,6 +155,16 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Collec
         out.append("  ".join([*cells[:-1], last]).rstrip())
         out.extend(" " * start + rest for rest in more)
     return "\n".join(out)
+
+
+def paragraphs(*parts: str) -> str:
+    """Return texts with an empty line between them, without those that are empty."""
+    return "\n\n".join(filter(None, parts))
+
+
+def listed(sentences: Iterable[str]) -> str:
+    """Return sentences as a list, each on a line."""
+    return "\n".join(f"- {sentence}" for sentence in sentences)
 
 
 class ProgressLine:
