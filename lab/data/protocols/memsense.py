@@ -3,8 +3,8 @@
 Four sync bytes, size, device, message, a timer of 16 bits, four bytes, twelve numbers of 16 bits (gyros,
 accelerometers, magnetometers, their temperatures), and a sum of 8 bits. Sources disagree whether the sum is
 over the frame or over the numbers: either is accepted until one was seen, then that one. A number counts
-1.5 ranges / 32768. The timer starts again after 0.142 s, so after a longer silence times are wrong by
-multiples of it.
+1.5 ranges / 32768; ranges are those of the model of the classic work. The timer starts again after 0.142 s,
+so after a longer silence times are wrong by multiples of it.
 
 References
 ----------
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,50 +37,23 @@ _TIMER = struct.Struct(">H")
 _NUMBERS = struct.Struct(">12h")
 _AT = 13
 """Where the numbers begin."""
-_MARGIN = 1.5  # full scale over the range on the data sheet
-_FULL = 32768  # counts at full scale
+_COUNT = 1.5 / 32768  # part of a range
+_RATE, _FORCE, _MAGNETIC = _COUNT * math.radians(300), _COUNT * 2 * STANDARD_GRAVITY, _COUNT * 1.9 * GAUSS
+"""One count of the model of the classic work [rad/s], [m/s²], [T]."""
 _DEGREES_PER_COUNT, _MIDDLE = 1.8165e-2, 25.0
 """Temperature: per count, and at zero [°C]."""
 _SWAP = 3
 """Frames in a row with only the other sum, after which that one counts: the first was chance, one in 256."""
 
 
-@dataclass(frozen=True)
-class Ranges:
-    """Ranges of a model, which its name states.
-
-    Attributes
-    ----------
-    rate, force, magnetic : float
-        Of the gyros [rad/s], accelerometers [m/s²] and magnetometers [T].
-    """
-
-    rate: float = math.radians(300)
-    force: float = 2 * STANDARD_GRAVITY
-    magnetic: float = 1.9 * GAUSS
-
-    @property
-    def scales(self) -> tuple[float, float, float]:
-        """Value of one count of each."""
-        rate, force, magnetic = (_MARGIN * one / _FULL for one in (self.rate, self.force, self.magnetic))
-        return rate, force, magnetic
-
-
 class Memsense(Framing):
-    """Framing of the nIMU.
-
-    Parameters
-    ----------
-    ranges
-        Of the model; the default is the classic work's.
-    """
+    """Framing of the nIMU."""
 
     first = _SYNC[:1]
     longest = SIZE
     wrap_period = 2**16 * TICK
 
-    def __init__(self, ranges: Ranges | None = None) -> None:
-        self._scales = (ranges or Ranges()).scales
+    def __init__(self) -> None:
         self._whole: bool | None = None
         self._others = 0
         self._timer = WrappingCounter(2**16)
@@ -111,50 +83,37 @@ class Memsense(Framing):
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Add the sample of a frame."""
-        counts = _NUMBERS.unpack_from(frame, _AT)
-        rate, force, magnetic = self._scales
-        gx, gy, gz, ax, ay, az, mx, my, mz, *temperatures = counts
+        gx, gy, gz, ax, ay, az, mx, my, mz, *temperatures = _NUMBERS.unpack_from(frame, _AT)
         rows.add_imu(
             end,
             self._timer.continued(_TIMER.unpack_from(frame, _HEAD)[0]) * TICK,
             -1,
-            (gx * rate, gy * rate, gz * rate),
-            (ax * force, ay * force, az * force),
-            (mx * magnetic, my * magnetic, mz * magnetic),
+            (gx * _RATE, gy * _RATE, gz * _RATE),
+            (ax * _FORCE, ay * _FORCE, az * _FORCE),
+            (mx * _MAGNETIC, my * _MAGNETIC, mz * _MAGNETIC),
             _MIDDLE + _DEGREES_PER_COUNT * sum(temperatures) / 3,
         )
         return True
 
 
 class MemsenseEncoder:
-    """Writes samples; an `Encoder`. The protocol has no fixes.
-
-    Parameters
-    ----------
-    ranges
-        Of the model.
-    over_frame
-        Whether the sum is over the whole frame, or over the numbers.
-    """
+    """Writes samples; an `Encoder`. The protocol has no fixes."""
 
     name = "memsense"
 
-    def __init__(self, ranges: Ranges | None = None, over_frame: bool = True) -> None:
-        self._scales = (ranges or Ranges()).scales
-        self._begin = 0 if over_frame else _AT
-
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
         """Return the bytes of samples, which are rounded to counts and end at their range."""
-        return merged(imu, fix[:0], self._frame, lambda _: b"")
+        return merged(imu, fix[:0], _frame, lambda _: b"")
 
-    def _frame(self, row: np.void) -> bytes:
-        counts = []
-        for name, scale in zip(("rate", "force", "magnetic"), self._scales, strict=True):
-            counts += vector(row, name, scale)
-        temperature = float(row["temperature"]) if math.isfinite(row["temperature"]) else _MIDDLE
-        counts += [(temperature - _MIDDLE) / _DEGREES_PER_COUNT] * 3
-        time = float(row["time"])
-        timer = round(time / TICK) % 2**16 if math.isfinite(time) else 0
-        frame = _START + bytes((0xFF, MESSAGE)) + _TIMER.pack(timer) + bytes(4)
-        frame += _NUMBERS.pack(*map(whole, counts))
-        return frame + bytes((sum8(frame[self._begin :]),))
+
+def _frame(row: np.void) -> bytes:
+    counts = [
+        *vector(row, "rate", _RATE), *vector(row, "force", _FORCE), *vector(row, "magnetic", _MAGNETIC)
+    ]  # fmt: skip
+    temperature = float(row["temperature"]) if math.isfinite(row["temperature"]) else _MIDDLE
+    counts += [(temperature - _MIDDLE) / _DEGREES_PER_COUNT] * 3
+    time = float(row["time"])
+    timer = round(time / TICK) % 2**16 if math.isfinite(time) else 0
+    frame = _START + bytes((0xFF, MESSAGE)) + _TIMER.pack(timer) + bytes(4)
+    frame += _NUMBERS.pack(*map(whole, counts))
+    return frame + bytes((sum8(frame),))

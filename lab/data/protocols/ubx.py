@@ -103,7 +103,6 @@ _Fields = Mapping[str, Any]
 _GYROS = (X_GYRO, Y_GYRO, Z_GYRO)
 _FORCES = (X_FORCE, Y_FORCE, Z_FORCE)
 _LARGEST = 2**23 - 1  # the data of ESF-RAW have 24 bits with sign
-_AXES = 3  # a message without a whole triad is no sample
 _PVT_SIZE = 92
 """Bytes of NAV-PVT from protocol 15 on."""
 
@@ -334,22 +333,13 @@ def _signed(value: int) -> int:
 
 
 class UbloxEncoder:
-    """Writes samples and fixes; an `Encoder`.
-
-    Parameters
-    ----------
-    imu
-        Message of a sample: ESF-RAW with both triads, or two of ESF-MEAS.
-    """
+    """Writes samples in ESF-RAW, and fixes; an `Encoder`."""
 
     name = "ublox"
 
-    def __init__(self, imu: Literal["raw", "meas"] = "raw") -> None:
-        self._sample = _raw if imu == "raw" else _measured
-
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
         """Return the bytes of samples, which are rounded to the device's units, and of fixes."""
-        return merged(imu, fix, self._sample, _pvt)
+        return merged(imu, fix, _raw, _pvt)
 
     def encode_readings(self, reading: NDArray[np.void]) -> bytes:
         """Return the messages of headings and speeds."""
@@ -381,19 +371,6 @@ def _raw(row: np.void) -> bytes:
     tag = _ticks(row["time"], RAW_TICK, 2**24)
     pairs = b"".join(struct.pack("<II", kind << 24 | one, tag) for kind, one in _counts(row).items())
     return _message(ESF_RAW, bytes(4) + pairs)
-
-
-def _measured(row: np.void) -> bytes:
-    counts = _counts(row)
-    tag = _ticks(row["time"], MEAS_TICK, 2**32)
-    messages = []
-    for kinds in (_FORCES, (*_GYROS, TEMPERATURE)):
-        words = [struct.pack("<I", kind << 24 | counts[kind]) for kind in kinds if kind in counts]
-        if len(words) >= _AXES:
-            messages.append(
-                _message(ESF_MEAS, struct.pack("<IHH", tag, len(words) << COUNT_FROM, 0) + b"".join(words))
-            )
-    return b"".join(messages)
 
 
 def _reading(row: np.void) -> bytes:

@@ -1,4 +1,4 @@
-"""VectorNav: binary messages of any mix of groups and fields, and ASCII messages, read and written.
+"""VectorNav: binary messages of any mix of groups and fields, and ASCII messages.
 
 Where a binary message has both, uncompensated rates and forces go before compensated ones: the latter have
 the bias that the device's own filter believes in subtracted, which changes with time. A message without
@@ -22,7 +22,7 @@ import math
 import re
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -364,40 +364,17 @@ def _add_fix(cells: list[float], end: int, rows: Rows) -> None:
 
 
 class VectorNavEncoder:
-    """Writes samples and fixes; an `Encoder`. The device's single precision rounds them.
-
-    Parameters
-    ----------
-    form
-        ``"binary"`` for messages with the device's time, uncompensated sensors and GPS; ``"VNIMU"`` or
-        ``"VNYMR"`` for ASCII lines, which have neither time nor attitude here, with the GPS in ``$VNGPS``.
-    """
+    """Writes binary messages; an `Encoder`. The device's single precision rounds samples."""
 
     name = "vectornav"
 
-    def __init__(self, form: Literal["binary", "VNIMU", "VNYMR"] = "binary") -> None:
-        self._form = form
-
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
         """Return the bytes of samples and fixes in the order of their time; NaN is sent as zero."""
-        if self._form == "binary":
-            return merged(imu, fix, _binary_sample, _binary_fix)
-        return merged(imu, fix, self._line, _gps_line)
+        return merged(imu, fix, _binary_sample, _binary_fix)
 
     def encode_readings(self, reading: NDArray[np.void]) -> bytes:
         """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
         return headings(reading)
-
-    def _line(self, row: np.void) -> bytes:
-        magnetic, force, rate = vector(row, "magnetic", GAUSS), vector(row, "force"), vector(row, "rate")
-        cells = [f"{value:+08.4f}" for value in magnetic]
-        cells += [f"{value:+07.3f}" for value in force] + [f"{value:+010.6f}" for value in rate]
-        if self._form == "VNYMR":
-            return _checked(",".join(["VNYMR", "+000.000", "+000.000", "+000.000", *cells]))
-        temperature, pressure = known(row, "temperature", "pressure")
-        return _checked(
-            ",".join(["VNIMU", *cells, f"{temperature:+05.1f}", f"{pressure / _KILOPASCAL:+08.3f}"])
-        )
 
 
 def _summed(message: bytes) -> bytes:
@@ -420,17 +397,3 @@ def _binary_fix(row: np.void) -> bytes:
     head = (_SYNC, 1 | 1 << 3, 1, fields, nanoseconds(row["time"]), nanoseconds(row["week_time"]))
     kind = _FIX_NUMBERS.get(fix.kind, 0)
     return _summed(_FIX.pack(*head, fix.satellites, kind, *place, *fix.velocity_n, *sigma))
-
-
-def _gps_line(row: np.void) -> bytes:
-    fix = sent_fix(row)
-    cells = [f"{fix.week_time:013.6f}", "0000", f"{_FIX_NUMBERS.get(fix.kind, 0)}", f"{fix.satellites:02d}"]
-    cells += [f"{angle:+013.8f}" for angle in (fix.latitude, fix.longitude)]
-    cells += [f"{value:+010.3f}" for value in (fix.height, *fix.velocity_n)]
-    sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma, fix.speed_sigma)
-    cells += [f"{value:+07.3f}" for value in sigma]
-    return _checked(",".join(["VNGPS", *cells, "0.000000"]))
-
-
-def _checked(body: str) -> bytes:
-    return f"${body}*{xor8(body.encode()):02X}\r\n".encode()

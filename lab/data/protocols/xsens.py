@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from lab.data.protocols.nmea_encoder import headings
 from lab.data.protocols.pvt import Pvt
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_MAGNETIC, CLIPPED_RATE, NAN, UNKNOWN, Vector
-from lab.data.protocols.sending import merged, microseconds, whole
+from lab.data.protocols.sending import merged, microseconds
 
 START = b"\xfa\xff\x36"
 """Preamble, bus identifier of a device by itself, MTData2."""
@@ -50,9 +49,6 @@ _ITEM_HEAD = 3  # bytes of an item before its data: kind and size
 _PRECISIONS = 0x3
 """Bits of an identifier with the kind of number; the next two are of axes that none of those read depends
 on."""
-Precision = Literal["single", "fp12.20", "fp16.32", "double"]
-_BITS: dict[Precision, int] = {"single": 0, "fp12.20": 1, "fp16.32": 2, "double": 3}
-"""Those bits by the kind of number."""
 _KINDS = 0xFFF0  # bits of an identifier with the kind of item
 _FORMS = tuple(
     {count: struct.Struct(">" + number * count) for count in (1, 3, 4)} for number in ("f", "i", "Ih", "d")
@@ -203,18 +199,11 @@ def _clipped(status: int) -> int:
 
 
 class XsensEncoder:
-    """Writes samples and fixes; an `Encoder`.
-
-    Parameters
-    ----------
-    precision
-        Form of the numbers.
-    """
+    """Writes samples and fixes in single precision; an `Encoder`."""
 
     name = "xsens"
 
-    def __init__(self, precision: Precision = "single") -> None:
-        self._bits = _BITS[precision]
+    def __init__(self) -> None:
         self._count = 0
 
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
@@ -234,7 +223,7 @@ class XsensEncoder:
             (MAGNETIC, row["magnetic"] / NOMINAL_FIELD),
         ):
             if np.isfinite(values).all():
-                items.append((kind | self._bits, b"".join(map(self._number, values))))
+                items.append((kind, struct.pack(f">{len(values)}f", *values)))
         if math.isfinite(row["pressure"]):
             items.append((PRESSURE, round(float(row["pressure"])).to_bytes(4, "big")))
         clipped = int(row["clipped"])
@@ -250,16 +239,6 @@ class XsensEncoder:
         count, self._count = self._count, (self._count + 1) % 2**16
         ticks = round(microseconds(time) * 1e-6 / TICK) % 2**32
         return [(PACKET_COUNTER, count.to_bytes(2, "big")), (SAMPLE_TIME_FINE, ticks.to_bytes(4, "big"))]
-
-    def _number(self, value: float) -> bytes:
-        if self._bits == _BITS["single"]:
-            return struct.pack(">f", value)
-        if self._bits == _BITS["double"]:
-            return struct.pack(">d", value)
-        if self._bits == _BITS["fp12.20"]:
-            return struct.pack(">i", whole(value * 2**20, 32))
-        fixed = whole(value * 2**32, 48)
-        return struct.pack(">Ih", fixed & 0xFFFFFFFF, fixed >> 32)
 
 
 def _message(items: list[tuple[int, bytes]]) -> bytes:

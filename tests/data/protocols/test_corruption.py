@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from live_streams import capture, damaged, decoded, fixes, motion
+from writers.vectornav_lines import lines
 
 from lab.data.protocols.catalogue import ENCODERS, decoder_of
 from lab.data.protocols.samples import Samples
@@ -14,7 +15,7 @@ from lab.data.protocols.sbf import SbfEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.text_lines import TextEncoder, TextLines
 from lab.data.protocols.ubx import Ubx
-from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary, VectorNavEncoder
+from lab.data.protocols.vectornav import VectorNavAscii, VectorNavBinary
 
 COUNT = 20_000
 
@@ -31,7 +32,7 @@ STREAMS: dict[
     "vectornav lines": (
         "vectornav",
         False,
-        lambda: VectorNavEncoder("VNIMU").encode(motion(COUNT), fixes(0)),
+        lambda: lines("VNIMU", motion(COUNT), fixes(0)),
     ),
     "VN-100": ("vectornav", True, lambda: 40 * capture("vn100_bin_waves_F00294.bin")[64:]),
     "xsens": ("xsens", False, lambda: encoded("xsens")),

@@ -9,8 +9,7 @@ import pytest
 from live_streams import decoded, motion
 
 from lab.data.protocols.catalogue import decoder_of
-from lab.data.protocols.memsense import TICK, Memsense, MemsenseEncoder, Ranges
-from lab.data.protocols.stream_decoder import StreamDecoder
+from lab.data.protocols.memsense import TICK, MemsenseEncoder
 
 COUNTS = (1000, -2000, 3000, 100, -200, 10922, 500, 600, -700, 1, 2, 3)
 
@@ -61,14 +60,11 @@ def test_sync_bytes_in_the_numbers_and_twice_are_survived():
     assert decoder.statistics.skipped == 60
 
 
-def test_another_model_has_other_ranges():
-    ranges = Ranges(rate=np.radians(1200), force=50.0)
+def test_what_is_encoded_is_read_again():
     imu = motion(200)
-    for over_frame in (True, False):
-        data = MemsenseEncoder(ranges, over_frame).encode(imu, imu[:0])
-        decoder = StreamDecoder("memsense", (Memsense(ranges),))
-        found = decoded(decoder, data).imu
-        assert decoder.statistics.skipped == 0
-        np.testing.assert_allclose(found["rate"], imu["rate"], atol=np.radians(1200) * 1.5 / 65536 + 1e-12)
-        np.testing.assert_allclose(found["force"], imu["force"], atol=50 * 1.5 / 65536 + 1e-12)
-        np.testing.assert_allclose(np.diff(found["time"]), 0.01, atol=TICK)
+    decoder = decoder_of("memsense")
+    found = decoded(decoder, MemsenseEncoder().encode(imu, imu[:0])).imu
+    assert decoder.statistics.skipped == 0
+    np.testing.assert_allclose(found["rate"], imu["rate"], atol=np.radians(300) * 1.5 / 65536 + 1e-12)
+    np.testing.assert_allclose(found["force"], imu["force"], atol=2 * 9.80665 * 1.5 / 65536 + 1e-12)
+    np.testing.assert_allclose(np.diff(found["time"]), 0.01, atol=TICK)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import io
 import json
 import math
+import struct
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pymap3d
 import pytest
 from live_streams import capture, decoded, fixes, motion
-from pyubx2 import UBXReader
+from pyubx2 import GET, UBXMessage, UBXReader
 from writers import ubx as writer
 from writers.nmea import sentence
 from writers.ubx import WEEK, message, pvt
@@ -129,24 +130,34 @@ def test_sentences_beside_messages_make_no_second_fix():
     assert len(decoded(decoder_of("ublox"), data).fix) == 89
 
 
-@pytest.mark.parametrize("imu", ["raw", "meas"])
-def test_what_is_encoded_is_read_by_us_and_by_pyubx2(imu):
+def test_what_is_encoded_is_read_by_us_and_by_pyubx2():
     samples, fix = motion(500), fixes(5)
-    data = UbloxEncoder(imu).encode(samples, fix)
+    data = UbloxEncoder().encode(samples, fix)
     found = decoded(decoder_of("ublox"), data)
-    rows = found.imu if imu == "raw" else found.imu[1::2]
-    forces = found.imu if imu == "raw" else found.imu[::2]
-    np.testing.assert_allclose(rows["rate"], samples["rate"], atol=math.radians(2**-13) + 1e-12)
-    np.testing.assert_allclose(forces["force"], samples["force"], atol=2**-11 + 1e-12)
-    np.testing.assert_allclose(rows["time"], samples["time"], atol=(RAW_TICK if imu == "raw" else MEAS_TICK))
+    np.testing.assert_allclose(found.imu["rate"], samples["rate"], atol=math.radians(2**-13) + 1e-12)
+    np.testing.assert_allclose(found.imu["force"], samples["force"], atol=2**-11 + 1e-12)
+    np.testing.assert_allclose(found.imu["time"], samples["time"], atol=RAW_TICK)
     for name in ("latitude", "longitude"):
         np.testing.assert_allclose(found.fix[name], fix[name], atol=1e-9)
     read = messages(data, "NAV-PVT")
     assert [message.velE for message in read] == [8500] * 5
-    assert [message.numMeas if imu == "meas" else 0 for message in messages(data, "ESF-MEAS")] == [
-        3,
-        4,
-    ] * 500 * (imu == "meas")
+
+
+def test_a_triad_a_message_makes_a_sample_with_the_other_one_unknown():
+    samples, parts = motion(500), []
+    for row in samples:
+        force = zip((16, 17, 18), row["force"] / 2**-10, strict=True)
+        rate = zip((14, 13, 5), np.degrees(row["rate"]) / 2**-12, strict=True)
+        for words in (force, (*rate, (12, 2500))):
+            data = [kind << 24 | round(float(value)) & 0xFFFFFF for kind, value in words]
+            head = struct.pack("<IHH", round(row["time"] / MEAS_TICK), len(data) << 11, 0)
+            payload = head + struct.pack(f"<{len(data)}I", *data)
+            parts.append(UBXMessage(b"\x10", b"\x02", GET, payload=payload).serialize())
+    found = decoded(decoder_of("ublox"), b"".join(parts)).imu
+    np.testing.assert_allclose(found["force"][::2], samples["force"], atol=2**-11 + 1e-12)
+    np.testing.assert_allclose(found["rate"][1::2], samples["rate"], atol=math.radians(2**-13) + 1e-12)
+    np.testing.assert_allclose(found["time"][1::2], samples["time"], atol=MEAS_TICK)
+    assert np.isnan(found["rate"][::2]).all() and np.isnan(found["force"][1::2]).all()
 
 
 def test_sentences_go_before_messages_without_a_velocity():

@@ -9,6 +9,7 @@ import struct
 import numpy as np
 import pytest
 from live_streams import capture, decoded, fixes, hexadecimal, motion
+from writers.vectornav_lines import lines
 
 from lab.data.protocols.catalogue import decoder_of
 from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_RATE, joined
@@ -221,7 +222,8 @@ def test_axes_out_of_range_are_marked():
 def test_what_is_encoded_is_read_again(form, rate, force):
     imu, fix = motion(300), fixes(3)
     decoder = decoder_of("vectornav")
-    found = decoded(decoder, VectorNavEncoder(form).encode(imu, fix))
+    sent = VectorNavEncoder().encode(imu, fix) if form == "binary" else lines(form, imu, fix)
+    found = decoded(decoder, sent)
     assert decoder.statistics.skipped == decoder.statistics.failed == decoder.statistics.unknown == 0
     np.testing.assert_allclose(found.imu["rate"], imu["rate"], rtol=0, atol=rate)
     np.testing.assert_allclose(found.imu["force"], imu["force"], rtol=0, atol=force)

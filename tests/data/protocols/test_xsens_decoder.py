@@ -199,16 +199,44 @@ def test_a_sum_that_fits_by_chance_is_not_enough():
     assert decoder.statistics.failed == 1
 
 
-@pytest.mark.parametrize(
-    ("precision", "rounding"), [("single", 5e-7), ("fp12.20", 5e-7), ("fp16.32", 2e-10), ("double", 0)]
-)
-def test_what_is_encoded_is_read_again(precision, rounding):
+def _fixed(values):
+    """Return numbers of 16.32 bits: the 32 bits after the point, and then those before it."""
+    counts = [round(float(value) * 2**32) for value in values]
+    return b"".join(struct.pack(">Ih", count & 0xFFFFFFFF, count >> 32) for count in counts)
+
+
+PRECISIONS = {
+    "fp12.20": (
+        1,
+        lambda values: struct.pack(">3i", *(round(float(value) * 2**20) for value in values)),
+        5e-7,
+    ),
+    "fp16.32": (2, _fixed, 2e-10),
+    "double": (3, lambda values: struct.pack(">3d", *values), 0),
+}
+"""Bits of an identifier, the bytes of three numbers, and by how much these are rounded."""
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_numbers_of_each_precision_are_read(precision):
+    bits, written, rounding = PRECISIONS[precision]
+    imu = motion(300)
+    data = b"".join(
+        framed(item(0x4020 | bits, written(row["force"])) + item(0x8020 | bits, written(row["rate"])))
+        for row in imu
+    )
+    found = decoded(decoder_of("xsens"), data).imu
+    for name in ("rate", "force"):
+        np.testing.assert_allclose(found[name], imu[name], rtol=0, atol=rounding)
+
+
+def test_what_is_encoded_is_read_again():
     imu, fix = motion(300), fixes(3)
     decoder = decoder_of("xsens")
-    found = decoded(decoder, XsensEncoder(precision).encode(imu, fix))
+    found = decoded(decoder, XsensEncoder().encode(imu, fix))
     assert decoder.statistics.skipped == decoder.statistics.failed == 0
     for name in ("rate", "force"):
-        np.testing.assert_allclose(found.imu[name], imu[name], rtol=0, atol=rounding)
+        np.testing.assert_allclose(found.imu[name], imu[name], rtol=0, atol=5e-7)
     np.testing.assert_allclose(found.imu["time"], imu["time"], atol=5.1e-5)
     for name in ("latitude", "longitude", "height", "velocity_n", "horizontal_sigma", "week_time", "utc"):
         np.testing.assert_allclose(
