@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from lab.base.parameters.counted import counted
@@ -36,6 +37,11 @@ _TURN_ON = {
     "septentrio": ("PVTGeodetic", "ExtSensorMeas"),
 }
 """What a device is to send for its position, and for its IMU, by protocol."""
+_HEX = re.compile(
+    rb"\s*(?:[0-9A-Fa-f]{4,8}:?[ \t]+)?((?:(?:0[xX])?[0-9A-Fa-f]{2}(?:[ ,]{0,2}|$)){4,64})"
+    rb"(?=\s*$|\s{1,2}\S|\|)"
+)
+"""A line of bytes as hexadecimal numbers, with or without their place before it, as of xxd and hexdump."""
 _MOSTLY = 0.5
 """Part of the bytes in sound frames from which they are named: text about a protocol has fewer."""
 _WHOLE = 0.995
@@ -100,13 +106,18 @@ def recognise(data: bytes) -> list[Candidate]:
 
 
 def sound_frames(data: bytes) -> str:
-    """Return a sentence on the frames of a device that hold no position; empty if there are none.
+    """Return a sentence on frames that hold no position, or are printed as numbers; empty if there are none.
 
     Parameters
     ----------
     data
         The first bytes, as of `recognise`.
     """
+    if printed := recognise(_printed_bytes(data[:_LARGEST])):
+        return (
+            f"These are bytes printed as hexadecimal numbers. {printed[0].evidence} Send the bytes "
+            "themselves, or make a file of them: xxd -r -p TEXT > BYTES, without -p where lines have places."
+        )
     best, text = 0, ""
     for name, (position, imu) in _TURN_ON.items():
         decoder = _made(name)
@@ -124,6 +135,14 @@ def sound_frames(data: bytes) -> str:
         found = f"{_NAMES[name]}, {best:,} sound messages{where}"
         text = f"{found}, none with {lacking}: turn on {' and '.join(wanted)}."
     return text
+
+
+def _printed_bytes(data: bytes) -> bytes:
+    """Return the bytes that lines of hexadecimal numbers say; none if most lines hold anything else."""
+    lines = [line for line in data.splitlines()[1:-1] if line.strip()]
+    found = [_HEX.match(line) for line in lines]
+    pairs = [re.sub(rb"0[xX]|[ ,]", b"", one[1]) for one in found if one is not None]
+    return bytes.fromhex(b"".join(pairs).decode()) if len(pairs) > _MOSTLY * len(lines) else b""
 
 
 def _made(name: str) -> Decoder | None:
