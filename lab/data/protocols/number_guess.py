@@ -55,10 +55,8 @@ _STEADY = 0.1
 turned all around. The length of rates that are only noise scatters by 0.42 (Maxwell's distribution)."""
 _FAST = 35.0
 """Angular rate that is not in rad/s: most gyros measure at most 2000 °/s, which are 34.9 rad/s."""
-_FASTEST = 4500.0
-"""Angular rate that is not in °/s: gyros of MEMS measure up to 4000 °/s."""
 _MILLIRADIANS = 50.0
-"""Median length of whole numbers at rest from which rates are likelier in m°/s than in mrad/s: see below."""
+"""Median length of whole numbers from which rates are likelier in m°/s than in mrad/s: see `_AT_REST`."""
 _AT_REST = 0.05
 """Median length of rates at rest from which they are likelier in °/s than in rad/s: biases and noise of MEMS
 gyros are 0.05 to 5 °/s, which are at most 0.09 rad/s, and rarely more than half of that."""
@@ -286,13 +284,11 @@ def _units_of_rate(rate: FloatArray, force: FloatArray | None, of_force: str) ->
         units = tuple(f"°/s/{count}" for count in _COUNTS_OF_RATE)
         return units, "the numbers are counts, and this is the default of the MPU-6050"
     length = float(np.nanmedian(np.linalg.norm(rate, axis=1))) if np.isfinite(rate).all(axis=1).any() else 0.0
-    fastest = np.abs(rate[np.isfinite(rate)]).max(initial=0.0)
-    if base == "mg" and (np.nan_to_num(rate) % 1 == 0).all() and (np.nan_to_num(force) % 1 == 0).all():
+    if base == "mg" and force is not None and not (np.nan_to_num(np.hstack((rate, force))) % 1).any():
         units = ("m°/s", "mrad/s") if length > _MILLIRADIANS else ("mrad/s", "m°/s")
         return (*units, "°/s"), "force and rate are whole numbers"
-    if fastest > _FAST:
-        unit, slower = ("m°/s", "°/s") if fastest > _FASTEST else ("°/s", "rad/s")
-        return (unit,), f"it is too fast for {slower}"
+    if np.abs(rate[np.isfinite(rate)]).max(initial=0.0) > _FAST:
+        return ("°/s",), "it is too fast for rad/s"
     if base in ("g", "mg"):
         return ("°/s", "rad/s"), f"the force is in {of_force}"
     if force is not None and _is_still(force) and length > _AT_REST:
