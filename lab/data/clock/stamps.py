@@ -45,15 +45,13 @@ def offset_of(zone: str | None) -> float:
 _ZONE = rf"\s?({_ZONE_PATTERN})?(?:\[[\w/+-]{{1,40}}\])?"
 _HALF = r"(?:\s?([AaPp])\.?[Mm]\.?)?"
 _CLOCK = re.compile(
-    rf"(?:[A-Z][a-z]{{2}} )?(\d{{1,3}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?{_HALF}{_ZONE}"
+    rf"(?:[A-Z][a-z]{{2}} |0 days )?(\d{{1,3}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?{_HALF}{_ZONE}"
 )
 _OF_HOUR = re.compile(r"(\d{1,3}):(\d{2})[.,](\d{1,9})")
 """Minutes and seconds, which spreadsheets keep of a time with a fraction."""
 _IN_LETTERS = re.compile(r"(?:(\d{1,3})h ?)?(\d{1,3})m ?(\d{1,2})(?:[.,](\d{1,9}))?s")
 """Time since the start as apps of DJI write it: 1m 2.5s."""
-_OF_DATE = (
-    r"(?:[A-Z][a-z]{2,8},? )?(\d{1,4})(?:[-/.]|\.? )(\d{1,2}|[^\W\d_]{3,9})\.?(?:[-/.]|,? )(\d{4}|\d{2})"
-)
+_OF_DATE = r"(?:[A-Z][a-z]{2,8},? )?(\d{1,4})(?:[-/.年]|\.? )(\d{1,2}|[^\W\d_]{3,9})\.?(?:[-/.月]|,? )(\d{4}|\d{2})日?"
 _MONTH_FIRST = r"([^\W\d_]{3,9})\.? (\d{1,2}),? (\d{4})"
 _THEN_CLOCK = (
     rf"(?:[ T_,]{{1,3}}(\d{{1,2}})[:-](\d{{2}})(?:[:-](\d{{2}})(?:[.,_:](\d{{1,9}}))?)?{_HALF}{_ZONE})?"
@@ -62,7 +60,7 @@ _DATED = re.compile(_OF_DATE + _THEN_CLOCK)
 _DATED_MONTH_FIRST = re.compile(_MONTH_FIRST + _THEN_CLOCK)
 _DIGITS = re.compile(r"((?:19|20)\d{2})(\d{2})(\d{2})(\d{2})(\d{2})(\d{2})(?:\.?(\d{1,9}))?")
 """A date and a time of day as one number: 20231114221320.5, or with ms, 20231114221320500."""
-_FORMATS = ("%a %b %d %H:%M:%S %Y",)
+_FORMATS = ("%a %b %d %H:%M:%S %Y", "%a %b %d %H:%M:%S.%f %Y")
 _MONTHS = (
     "jan ene gen", "feb fev fév", "mar mär mrz", "apr avr abr", "may mai mag", "jun juin giu",
     "jul juil lug", "aug aou aoû ago", "sep set", "oct okt ott out", "nov", "dec dez déc dic",

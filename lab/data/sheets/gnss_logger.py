@@ -39,7 +39,9 @@ _RECEIVERS = ("gps", "flp", "fused", "nlp", "network")
 
 def is_gnss_logger(data: bytes) -> bool:
     """Return whether a text is of this app."""
-    return data.startswith(_WITH_KINDS) or data.startswith(b"#") and _COMMENT.search(data[:_HEAD]) is not None
+    return data.startswith(_WITH_KINDS) or (
+        data.startswith(b"#") and _COMMENT.search(data[:_HEAD]) is not None
+    )
 
 
 def tables_of(data: bytes) -> bytes:

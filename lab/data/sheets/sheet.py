@@ -159,7 +159,7 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
         If the rows cannot be read.
     """
     units, start = units_below(data, layout)
-    layout = _with_date(data[start:], layout)
+    layout = _with_first_column(data[start:], layout)
     rows = None
     if first_line:
         # A logger may end each line, or the header only, with a delimiter.
@@ -211,19 +211,22 @@ _OF_DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.]\d{4}")
 """A date."""
 
 
-def _with_date(data: bytes, layout: Layout) -> Layout:
-    """Return a layout with a heading for the date, or the week, that stands before the first column, the time.
+def _with_first_column(data: bytes, layout: Layout) -> Layout:
+    """Return a layout with a heading for a first column that the header leaves out.
 
-    Between blanks, a time stamp with its date is two cells: RTKLIB writes both under ``GPST``.
+    R and pandas number the rows there. Between blanks, a time stamp with its date is two cells: RTKLIB writes
+    both under ``GPST``.
     """
-    cells = cells_of(data[:MAX_LINE].partition(b"\n")[0].decode("utf-8", "replace"), layout.delimiter)
-    first = layout.known[0]
-    if layout.delimiter != " " or len(cells) != len(layout.headings) + 1 or first is None or first.kind != "time":
+    lines = data[: 2 * MAX_LINE].split(b"\n", 2)[:2]
+    cells = [cells_of(line.decode("utf-8", "replace").rstrip("\r"), layout.delimiter) for line in lines]
+    if any(len(row) != len(layout.headings) + 1 or not row[-1] for row in cells):
         return layout
-    date = Heading("date", "date") if _OF_DATE.fullmatch(cells[0]) else None
-    return replace(
-        layout, headings=("date" if date else "week", *layout.headings), known=(date, *layout.known)
-    )
+    first, (begin, *_), (then, *_) = layout.known[0], cells[0], cells[-1]
+    of_time = layout.delimiter == " " and first is not None and first.kind == "time"
+    if not of_time and not (begin in ("0", "1") and then == str(int(begin) + 1)):
+        return layout
+    date = Heading("date", "date") if of_time and _OF_DATE.fullmatch(begin) else None
+    return replace(layout, headings=("date" if date else "", *layout.headings), known=(date, *layout.known))
 
 
 def _about(name: str, profile: Profile | None) -> tuple[str, ...]:

@@ -260,6 +260,10 @@ def of_one_instance(sheet: Sheet) -> Sheet:
             continue
         taken = numbers[np.lexsort((first, -counts))[0]]
         rows = np.flatnonzero(values == taken)
+        if heading.quantity == "craft" and any(
+            np.isfinite(column).any() and not np.isfinite(column[rows]).any() for column in sheet.columns
+        ):
+            continue  # its rows are of one kind of sensor
         others = [name_of_code(number) for number in numbers if number != taken]
         more = f" or one of {len(others) - _MAX_INSTANCES} more" if len(others) > _MAX_INSTANCES else ""
         remark = (

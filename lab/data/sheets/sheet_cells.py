@@ -17,6 +17,11 @@ from lab.data.clock.stamps import offset_of
 
 _THOUSANDS = r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?"
 _BOTH_SEPARATORS = r"[+-]?\d{1,3}(?:,\d{3})+\.\d+"
+_OTHER_THOUSANDS = {
+    r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+,\d+": r"\.", r"[+-]?[1-9]\d{0,2}(?:['’]\d{3})+(?:[.,]\d+)?": "['’]",
+    r"[+-]?[1-9]\d{0,2}(?:[ \u00a0\u202f]\d{3})+(?:[.,]\d+)?": "[ \u00a0\u202f]",
+}  # fmt: skip
+"""Numbers with points, apostrophes or blanks between thousands, and these marks."""
 _DECIMAL_COMMA = r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"
 _DECORATED = re.compile(r"[^\w+.-]{0,3}\s*([+-]?\d+(?:\.\d*)?)\s*([^\d\s][^\d]{0,6})?")
 """A number with an arrow or sign before it, and a unit after it."""
@@ -71,6 +76,11 @@ def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str
     left = np.isnan(numbers) & cells.str.contains(_DIGITS).to_numpy(dtype=bool)
     if not left.any():
         return numbers, ""
+    for pattern, mark in _OTHER_THOUSANDS.items():
+        if (fits := cells.str.fullmatch(pattern)).any():
+            cells = cells.where(~fits, cells.str.replace(mark, "", regex=True))
+            numbers = parsed(cells)
+            left = np.isnan(numbers) & cells.str.contains(_DIGITS).to_numpy(dtype=bool)
     if cells[left].str.contains(",").any():
         if comma_separates or cells[left].str.fullmatch(_BOTH_SEPARATORS).any():
             fits, mark = cells.str.fullmatch(_THOUSANDS), ""
@@ -168,7 +178,9 @@ def codes_of_names(cells: Any) -> FloatArray:
 def name_of_code(code: float) -> str:
     """Return the end of the name of a vehicle that has this number."""
     return (
-        f"{code:.0f}" if code >= 0 else int(-code).to_bytes(_NAME_BYTES, "big").strip(b"\0").decode("utf-8", "replace")
+        f"{code:.0f}"
+        if code >= 0
+        else int(-code).to_bytes(_NAME_BYTES, "big").strip(b"\0").decode("utf-8", "replace")
     )
 
 

@@ -8,6 +8,7 @@ recorded together.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -64,8 +65,10 @@ _DAYS_BEFORE_1970 = {"1900": (25_569.0, 36_526.0, 58_000.0), "year 0": (719_529.
 """Days until 1970 of spreadsheets and of MATLAB, and the first and last that are taken for such: the year
 2000, and 2058 (later numbers are modified Julian days) or 2108."""
 
-_COUNTER = 2.0**32
-"""Values of a counter of 32 bits: microseconds begin again after 72 minutes."""
+_COUNTERS = (2.0**32, 2.0**24, 2.0**16)
+"""Values of counters of 32, 24 and 16 bits: microseconds begin again after 72 minutes, 17 s and 66 ms."""
+_OF_MINUTES = re.compile(r"(?:.*[ T])?\d{1,2}:\d{2}(?:\s?[AaPp]\.?[Mm]\.?)?")
+"""A stamp without seconds."""
 
 
 class Clock(NamedTuple):
@@ -195,6 +198,12 @@ def _days(year: FloatArray, month: FloatArray, day: FloatArray) -> FloatArray:
 def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:
     """Return time stamps that are text, with the date in a column beside if there is one."""
     text = sheet.texts[heading.text]
+    if _OF_MINUTES.fullmatch(text) and np.median(np.diff(values[np.isfinite(values)])) == 0:
+        raise MissionError(
+            f"{sheet.name}: the time stamps ({heading.text}, such as {text!r}) have no seconds, which a spreadsheet "
+            "leaves out as it saves a csv: format the column as hh:mm:ss.000 before saving, or import the file "
+            "as the logger wrote it"
+        )
     if is_of_hour(text):
         return Clock(continued(values, _HOUR, _HOUR / 2), heading.text, "minutes and seconds", False)
     dates = sheet.all_of("date")
@@ -241,7 +250,12 @@ def _onwards(values: FloatArray, factor: float) -> FloatArray:
     known = np.flatnonzero(np.isfinite(time))
     largest = float(time[known].max())
     period = next(
-        (one for one in (_COUNTER * factor, DAY, 7 * DAY) if LIMITS.turn * one < largest < one), 0.0
+        (
+            one
+            for one in (*(counter * factor for counter in _COUNTERS), DAY, 7 * DAY)
+            if LIMITS.turn * one < largest < one
+        ),
+        0.0,
     )
     if not period or time[known].min() < 0:
         return time

@@ -21,8 +21,8 @@ from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_accuracy import sigmas_of
 from lab.data.sheets.sheet_clock import Clock, clock_of
 from lab.data.sheets.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of, rescaled
-from lab.data.sheets.sheet_imu import in_order, is_of_another_device, of_odd_stamps
-from lab.motion.frames.displacement import metres_per_radian
+from lab.data.sheets.sheet_imu import NAMED, in_order, is_of_another_device, of_odd_stamps
+from lab.motion.frames.displacement import metres_per_radian, velocity_of_positions
 from lab.motion.frames.rotation import wrap
 
 _LOCAL = re.compile(r"(?i)^\s*(?:t|p|pos|position|p_rs_r)[ _.]?[xyz]\b")
@@ -50,6 +50,9 @@ _LIKE_UNITS = {"°": ("rad",), "1e-7°": ("semicircles", "1e-6°"), "semicircles
 _COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e-5)}
 """Whole numbers of a course in these units are above the first number, two turns in degrees, and up to the
 second; and their factor to degrees."""
+_CONTRADICTED = 5.0
+"""Least factor between velocity and motion that contradicts a guessed unit of time: noise of positions at 10 Hz
+makes them move up to 2.5 times as fast."""
 _FAST_ENOUGH = 2.0
 """Speed from which positions show the unit of the speed [m/s]."""
 _MIN_LEGS = 10
@@ -197,7 +200,9 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     if height.source in DOUBTFUL and pace is not None and pace.unit in _HEIGHTS_BESIDE:
         unit = _HEIGHTS_BESIDE[pace.unit]
         position[:, 2] *= UNITS["length"][unit] / UNITS["length"][height.unit]
-        height = height._replace(unit=unit, source=f"guessed: the positions show that {pace.name} is in {pace.unit}")
+        height = height._replace(
+            unit=unit, source=f"guessed: the positions show that {pace.name} is in {pace.unit}"
+        )
         words = f'Heights: {height.name}, in {unit} ({height.source}; --unit "{height.name}=m" states another one).'
     remarks = [
         f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source}).",
@@ -207,6 +212,8 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     if others := [one.text for one, _ in sheet.all_of("latitude")[1:]]:
         remarks.append(f"Other positions in the file are not used: {', '.join(others)}.")
     velocity, speed, course, units, moved = _velocity(sheet, rows, time, position)
+    if clock.guessed and units and units[0].source == NAMED:
+        _refuse_contradicted(sheet, clock, speed, time, position)
     sigmas, accuracies, more = sigmas_of(sheet, rows, (height, *units), position, velocity)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(
@@ -214,7 +221,13 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
         for one in (latitude, longitude, height, *units, *accuracies)
     )
     return Fixes(
-        sheet, gnss, speed, course, used, (*remarks, *moved, *doubt_of_feet(height, (*units, *([pace] if pace else []))), *more), rows
+        sheet,
+        gnss,
+        speed,
+        course,
+        used,
+        (*remarks, *moved, *doubt_of_feet(height, (*units, *([pace] if pace else []))), *more),
+        rows,
     )
 
 
@@ -292,7 +305,9 @@ def _of_nmea(column: Column) -> Column:
 def _degrees(column: Column) -> Column:
     if column.source == "assumed" and np.nanmedian(np.abs(column.values)) > _MAX_DEGREES * DEGREE:
         unit = "semicircles" if _OF_FIT.fullmatch(column.name) else "1e-7°"
-        return column._replace(values=column.values * UNITS["angle"][unit] / DEGREE, unit=unit, source=BY_SIZE)
+        return column._replace(
+            values=column.values * UNITS["angle"][unit] / DEGREE, unit=unit, source=BY_SIZE
+        )
     return column
 
 
@@ -430,6 +445,25 @@ def _path_ratio(stated: FloatArray, time: FloatArray, position: FloatArray) -> f
     moved, stated = np.hypot(north, east), (stated[1:] + stated[:-1]) / 2
     fast = (moved > _FAST_ENOUGH * dt) & (dt > 0) & (stated > 0)
     return float(np.sum(moved[fast]) / np.sum(stated[fast] * dt[fast])) if fast.sum() >= _MIN_LEGS else np.nan
+
+
+def _refuse_contradicted(
+    sheet: Sheet, clock: Clock, speed: FloatArray, time: FloatArray, position: FloatArray
+) -> None:
+    """Raise if the positions move much faster or slower than the velocity says by a guessed unit of time."""
+    fast = (speed[1:] > _FAST_ENOUGH) & (np.diff(time) > 0)
+    if fast.sum() < _MIN_LEGS:
+        return
+    step = velocity_of_positions(time, position)
+    ratio = float(np.median(np.hypot(step[1:, 0], step[1:, 1])[fast] / speed[1:][fast]))
+    if 1 / _CONTRADICTED < ratio < _CONTRADICTED:
+        return
+    count = 1 / (ratio and UNITS["time"][clock.unit] * ratio)
+    raise MissionError(
+        f"{sheet.name}: with {clock.column} in {clock.unit}, as its steps let guess, the positions move {ratio:.3g} times "
+        f"as fast as the velocity says. Its numbers seem to be {count:.3g} a second: "
+        f'--unit "{clock.column}=s/{count:.3g}" says so, with the count that the logger has'
+    )
 
 
 def _unit_by_motion(

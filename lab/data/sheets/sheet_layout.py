@@ -28,7 +28,7 @@ from lab.data.sheets.column_names import (
 _DELIMITERS = (",", ";", "\t", "|", " ")
 _OTHERS = 3
 """Commas, or other separators, from which these separate a line, and not the blanks in its headings."""
-MAX_HEADER_LINE = 100
+MAX_HEADER_LINE = 300
 """Last line on which the header may stand."""
 HEAD = 2**18
 """Bytes in which the header is looked for."""
