@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import re
@@ -11,11 +12,12 @@ import sys
 import sysconfig
 import tomllib
 import zipfile
-from importlib.metadata import version
+from importlib.metadata import packages_distributions, requires, version
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 import lab
@@ -168,6 +170,45 @@ def test_whose_inside_is_used_is_bounded_by_what_was_tested(name: str) -> None:
     tested = Version(version(name))
     assert tested in bounds
     assert Version(f"{tested.major}.{tested.minor + 1}") not in bounds
+
+
+def _comes_with(needed: list[str]) -> set[str]:
+    """Return the names of all distributions that an installer brings for some requirements."""
+    seen, waiting = set[tuple[str, frozenset[str]]](), list(map(Requirement, needed))
+    while waiting:
+        one = waiting.pop()
+        extras = frozenset(one.extras)
+        if (canonicalize_name(one.name), extras) in seen:
+            continue
+        seen.add((canonicalize_name(one.name), extras))
+        for other in map(Requirement, requires(one.name) or []):
+            marker = other.marker
+            if marker is None or any(marker.evaluate({"extra": extra}) for extra in ("", *extras)):
+                waiting.append(other)
+    return {name for name, _ in seen}
+
+
+def test_what_a_module_imports_first_comes_with_an_installation_without_extras() -> None:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)["project"]
+    extras = project["optional-dependencies"]
+    named = {
+        canonicalize_name(Requirement(one).name)
+        for extra in extras.keys() - {"test", "docs"}
+        for one in extras[extra]
+    }
+    there = _comes_with(project["dependencies"]) | named
+    homes = packages_distributions()
+    missing = []
+    for path in (path for top in ("lab", "dashboards") for path in (ROOT / top).rglob("*.py")):
+        for node in ast.parse(path.read_text("utf-8")).body:
+            modules = [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                modules = [node.module]
+            for top in {module.partition(".")[0] for module in modules} - sys.stdlib_module_names:
+                if top not in {"lab", "dashboards"} and not there & set(map(canonicalize_name, homes[top])):
+                    missing.append(f"{path.relative_to(ROOT)}: {top}")
+    assert not missing
 
 
 OTHER = {

@@ -7,10 +7,10 @@ import shlex
 import sys
 from collections.abc import Callable, Sequence
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import click
 import typer
 
 from lab.cli.app import CommandError, argument, option, print_json, working, writing
@@ -221,9 +221,16 @@ def _answered(
             ]
             raise CommandError("\n".join((f"{question}. Either of:", *commands))) from question
         print(question, file=sys.stderr)
-        answer = typer.prompt(" or ".join(words), type=click.Choice(words), err=True)
+        answer = typer.prompt(" or ".join(words), value_proc=partial(_one_of, words), err=True)
         said = {**units, **question.choices[answer]}
         return read(said), said
+
+
+def _one_of(words: Sequence[str], answer: str) -> str:
+    """Return an answer that is one of some words; it is asked for again otherwise."""
+    if answer not in words:
+        raise typer.BadParameter(f"{answer!r} is not one of {', '.join(words)}.")
+    return answer
 
 
 def _save_profile(name: str | None, files: Sequence[Path], units: dict[str, str]) -> None:
