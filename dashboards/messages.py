@@ -22,7 +22,7 @@ from bokeh.server.protocol_handler import ProtocolHandler
 from bokeh.server.session import ServerSession
 from bokeh.server.views import ws
 
-from dashboards.upstream.server import begun_message
+from dashboards.upstream.server import begun_message, has_session
 
 log = logging.getLogger(__name__)
 
@@ -98,6 +98,8 @@ class BoundedHandler(ProtocolHandler):
         """Return the answer to a message."""
         if message.msgtype not in HANDLERS:
             raise ProtocolError(f"messages of type {message.msgtype} are not accepted")
+        if not has_session(connection):
+            return connection.error(message, "the page has left")
         try:
             _check_objects(message, connection)
             return await HANDLERS[message.msgtype](message, connection)

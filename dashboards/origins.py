@@ -21,6 +21,8 @@ from panel.io.server import AutoloadJsHandler, DocHandler, WSHandler
 from tornado.httputil import HTTPServerRequest
 from tornado.web import Application, HTTPError
 
+from dashboards.upstream.server import has_session
+
 log = logging.getLogger(__name__)
 
 SETTING = "ins_lab_origins"
@@ -167,6 +169,11 @@ class PageSocket(WSHandler):
     def check_origin(self, origin: str) -> bool:
         """Accept every origin, because the origin was checked before."""
         return True
+
+    def on_close(self) -> None:
+        """End the connection, unless a ping did, which found the page gone before its socket was closed."""
+        if self.connection is not None and has_session(self.connection):
+            super().on_close()
 
     def _protocol_error(self, message: str) -> None:
         """Close with a valid close code; with Bokeh's invalid one, browsers wait for another."""

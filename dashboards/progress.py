@@ -10,7 +10,7 @@ import param
 from dashboards.session import Session
 
 _SHORT = """
-:host { flex: 1 1 0 !important; width: 0 !important; min-width: 0 !important; }
+:host { flex: 1 1 0 !important; width: 0 !important; min-width: 0 !important; align-self: center; }
 div { overflow: hidden; text-overflow: ellipsis; }
 @media (max-width: 480px) { :host { margin: 0 !important; } }
 """

@@ -100,11 +100,14 @@ ON_SCREEN = "@media print { :host { display: none !important; } }"
 STAGE = """
 :host { flex: 1 1 0 !important; min-height: 0 !important; min-width: 0 !important;
         overflow: hidden auto !important; container: stage / inline-size; position: relative; }
-:host([data-waiting]) > * { visibility: hidden; }
+:host([data-waiting]) > * { visibility: hidden; opacity: 0; }
 :host([data-waiting])::after { content: attr(data-waiting); position: absolute; inset: 24px; opacity: .7; }
 @media print { :host { height: auto !important; overflow: visible !important; } }
 """
-"""The page, which scrolls if it is higher than its place."""
+"""The page, which scrolls if it is higher than its place.
+
+What the next page will replace is transparent, too: Panel makes texts visible in what is hidden.
+"""
 
 WRAP = """
 :host { flex-wrap: wrap; }

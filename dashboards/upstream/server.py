@@ -19,6 +19,7 @@ from bokeh.model import Model, util
 from bokeh.protocol.message import Message
 from bokeh.protocol.receiver import Receiver
 from bokeh.server.callbacks import SessionCallback
+from bokeh.server.connection import ServerConnection as PageConnection
 from bokeh.server.contexts import ApplicationContext
 from bokeh.server.server import Server
 from bokeh.settings import settings
@@ -279,6 +280,11 @@ class TransformedPages:
 def begun_message(receiver: Receiver) -> Message[Any] | None:
     """Return the message of which a receiver has got its first parts; None if it waits for a new one."""
     return receiver._partial
+
+
+def has_session(connection: PageConnection) -> bool:
+    """Return whether a connection still has its session; a ping that finds the page gone takes it away."""
+    return connection._session is not None
 
 
 def viser_sockets(server: viser.ViserServer) -> WebsockServer:

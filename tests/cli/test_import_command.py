@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import sys
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from asking import ask, refused
 
+from lab.base.files.mission_error import QuestionError
+from lab.cli.import_flight import _answered
 from lab.missions import ImportSettings, Recording, mission, missions, write_flight_csv
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -153,3 +157,26 @@ def test_help_names_every_setting() -> None:
     text = " ".join(ask("import", "--help").stdout.split())
     for name in ImportSettings().to_dict():
         assert f" {name}" in text
+
+
+class _Terminal(io.StringIO):
+    """The keyboard of a person."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_question_is_asked_again_until_its_answer_is_one_of_the_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", _Terminal("perhaps\nknots\n"))
+    question = QuestionError("speed: unit unknown", {"m/s": {"speed": "m/s"}, "knots": {"speed": "kn"}})
+
+    def read(said: dict[str, str]) -> dict[str, str]:
+        if not said:
+            raise question
+        return said
+
+    found: Any = _answered([Path("a.csv")], {}, cast("Any", read))
+    assert found == ({"speed": "kn"}, {"speed": "kn"})
+    assert "'perhaps' is not one of m/s, knots" in capsys.readouterr().err

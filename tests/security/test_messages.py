@@ -20,6 +20,7 @@ from bokeh.models import Range1d
 from bokeh.protocol import Protocol
 from bokeh.protocol.exceptions import ProtocolError
 from bokeh.protocol.message import Message
+from bokeh.server.connection import ServerConnection
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tornado.websocket import WebSocketClosedError
@@ -32,9 +33,11 @@ from dashboards.messages import (
     MAX_MESSAGE,
     MAX_REASON,
     MAX_TEXT,
+    BoundedHandler,
     BoundedReceiver,
     is_refusal,
 )
+from dashboards.origins import PageSocket
 from tests.security.conftest import Served, Visitor
 
 MEMORY = 200 * 2**20
@@ -252,6 +255,19 @@ def written() -> tuple[logging.Logger, list[str]]:
     handler.addFilter(LogLimit())
     logger.addHandler(handler)
     return logger, lines
+
+
+def test_a_page_that_a_ping_has_found_gone_closes_and_sends_its_last_without_a_line(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    socket = PageSocket.__new__(PageSocket)
+    connection = socket.connection = ServerConnection.__new__(ServerConnection)
+    connection._session, connection._protocol = None, Protocol()
+    last = Protocol().create("PULL-DOC-REQ")
+    answer = asyncio.run(BoundedHandler().handle(last, connection))
+    socket.on_close()
+    assert answer.msgtype == "ERROR"
+    assert not caplog.records
 
 
 def test_a_log_takes_so_many_lines_and_says_how_many_it_left_out(
