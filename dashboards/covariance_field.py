@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
 import param
 
@@ -47,12 +46,7 @@ class CovarianceField(TextField):
             stylesheets=[TOOLTIP],
         )
         more.param.watch(self._unfold, "value")
-        self._column = plain_column(plain_row(self._widget, self._lock, more), self._list)
-
-    @property
-    def view(self) -> pn.viewable.Viewable:
-        """The widgets to place on the page."""
-        return self._column
+        self.view = plain_column(plain_row(self._widget, self._lock, more), self._list)
 
     def refresh(self) -> None:
         """Show the current matched values."""

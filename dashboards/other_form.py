@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import panel as pn
 import panel_material_ui as pmui
 import param
 
@@ -18,7 +17,7 @@ class OtherFormField(Field):
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
         self._axes: tuple[str, ...] = getattr(declaration, "axes", ())
-        self._box = pmui.TextInput(
+        self.view = self._box = pmui.TextInput(
             label=label_of(declaration),
             size="small",
             variant="standard",
@@ -28,11 +27,6 @@ class OtherFormField(Field):
         )
         self._box.param.watch(self._typed, "value")
         self.show(declaration.default)
-
-    @property
-    def view(self) -> pn.viewable.Viewable:
-        """The widgets to place on the page."""
-        return self._box
 
     def complain(self, sentence: str) -> None:
         """Show a sentence below the box."""

@@ -75,7 +75,11 @@ class Field(param.Parameterized):
         While a slider requests a change: how many times it was taken until now. None otherwise.
     said : param.Parameter
         The declaration of what is shown and typed: of a variance, it may be that of its root.
+    view : panel.viewable.Viewable
+        The widgets to place on the page.
     """
+
+    view: pn.viewable.Viewable
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__()
@@ -84,11 +88,6 @@ class Field(param.Parameterized):
         self._change = change
         self._value: Any = declaration.default
         self._showing = False
-
-    @property
-    def view(self) -> pn.viewable.Viewable:
-        """The widgets to place on the page."""
-        raise NotImplementedError
 
     @property
     def value(self) -> Any:
@@ -174,7 +173,7 @@ class NumberField(Field):
         self._box.param.watch(self._typed, "value")
         self._axis_sliders: list[Slider] = []
         self._complaint: pn.pane.HTML | None = None
-        self._column = plain_column(self._slider, self._box, margin=(4, 0), styles={"position": "relative"})
+        self.view = plain_column(self._slider, self._box, margin=(4, 0), styles={"position": "relative"})
         if self._axes:
             more = pmui.ToggleIcon(
                 icon="expand_more",
@@ -188,13 +187,8 @@ class NumberField(Field):
                 styles=_over(-4),
             )
             more.param.watch(self._unfold, "value")
-            self._column.append(more)
+            self.view.append(more)
         self.show(declaration.default)
-
-    @property
-    def view(self) -> pn.viewable.Viewable:
-        """The widgets to place on the page."""
-        return self._column
 
     def _make_slider(self, label: str, doc: str = "") -> Slider:
         slider = Slider(
@@ -233,7 +227,7 @@ class NumberField(Field):
         """Show a sentence between the slider and those of the axes."""
         if sentence and self._complaint is None:
             self._complaint = wide_html(margin=(0, 0, 4, 0), stylesheets=[_RED])
-            self._column.insert(1, self._complaint)
+            self.view.insert(1, self._complaint)
         if self._complaint is not None:
             self._complaint.param.update(
                 object=f'<p role="alert">{escape(sentence)}</p>' if sentence else "", visible=bool(sentence)
@@ -283,7 +277,7 @@ class NumberField(Field):
                 slider.value = self._scale.position(self._as_said(self._value)[axis])
                 slider.param.watch(lambda moved, axis=axis: self._moved(axis, moved.new), "value")
                 self._axis_sliders.append(slider)
-            self._column.extend(self._axis_sliders)
+            self.view.extend(self._axis_sliders)
         for slider in self._axis_sliders:
             slider.visible = event.new
 
@@ -295,22 +289,18 @@ class ChoiceField(Field):
         self, declaration: param.Parameter, change: Change, labels: dict[str, Any] | None = None
     ) -> None:
         super().__init__(declaration, change)
-        options: Any = labels or list(declaration.objects)
-        common = {
-            "label": declaration.label,
-            "options": options,
-            "size": "small",
-            "sizing_mode": "stretch_width",
-            "tags": [SETTING],
-        }
-        self._widget = pmui.Select(**common, variant="outlined", margin=(8, 0), description=declaration.doc)
+        self.view = self._widget = pmui.Select(
+            label=declaration.label,
+            options=labels or list(declaration.objects),
+            size="small",
+            variant="outlined",
+            margin=(8, 0),
+            sizing_mode="stretch_width",
+            description=declaration.doc,
+            tags=[SETTING],
+        )
         self._widget.param.watch(lambda event: self._ask(event.new), "value")
         self.show(declaration.default)
-
-    @property
-    def view(self) -> pn.viewable.Viewable:
-        """The widgets to place on the page."""
-        return self._widget
 
     def offer(self, labels: dict[str, Any], value: Any) -> None:
         """Set other choices, and show one of them."""
@@ -330,7 +320,7 @@ class SwitchField(Field):
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
-        self._widget = pmui.Switch(
+        self.view = self._widget = pmui.Switch(
             label=declaration.label,
             description=declaration.doc,
             size="small",
@@ -340,11 +330,6 @@ class SwitchField(Field):
         )
         self._widget.param.watch(lambda event: self._ask(event.new), "value")
         self.show(declaration.default)
-
-    @property
-    def view(self) -> pn.viewable.Viewable:
-        """The widgets to place on the page."""
-        return self._widget
 
     def _render(self, value: Any) -> None:
         self._widget.value = value
@@ -359,7 +344,7 @@ class TextField(Field):
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
         hint = placeholder_of(declaration)
-        self._widget = pmui.TextInput(
+        self.view = self._widget = pmui.TextInput(
             label=label_of(declaration),
             placeholder=hint,
             sx=_HINTED if hint else {},
@@ -372,20 +357,13 @@ class TextField(Field):
         )
         self._widget.param.watch(self._typed, "value")
         self._lock: pmui.IconButton | None = None
-        self._view: pn.viewable.Viewable = self._widget
         if follows(declaration):
             self._lock = pmui.IconButton(
                 size="1.1em", margin=(14, 0, 0, 0), width=26, stylesheets=[TOOLTIP], tags=[SETTING]
             )
             self._lock.on_click(lambda _event: self._ask(None))
-            row = plain_row(self._widget, self._lock)
-            self._view = plain_column(row)
+            self.view = plain_column(plain_row(self._widget, self._lock))
         self.show(declaration.default)
-
-    @property
-    def view(self) -> pn.viewable.Viewable:
-        """The widgets to place on the page."""
-        return self._view
 
     def in_words(self, value: Any) -> str:
         """Return a value of the setting as this field shows it."""

@@ -14,7 +14,7 @@ import panel_material_ui as pmui
 
 from dashboards.algorithms import live_places
 from dashboards.pages.base import hideable, plot_grid
-from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
+from dashboards.pages.live.watched import ABOVE, RollingPart, Watched
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.style import whole_column, wide_html
 from lab.base.arrays import FloatArray
@@ -35,7 +35,7 @@ th:first-child, td:first-child { text-align: left; }
 """
 
 
-class AttitudesPart(PartOfWatched):
+class AttitudesPart(RollingPart):
     """The attitudes of one source.
 
     Parameters
@@ -56,7 +56,7 @@ class AttitudesPart(PartOfWatched):
         self._own: OwnAlgorithm | None = None
         self._places = live_places()
         self._anew = begin_anew
-        self._figures = LiveAttitudeFigures(window)
+        self._figures: LiveAttitudeFigures = LiveAttitudeFigures(window)
         self._words = wide_html(margin=(4, 10), stylesheets=[_TABLE])
         self._grid = hideable(plot_grid(self._figures.figures, 3, least=280, beside=ABOVE))
         names = list(self._places)
@@ -76,9 +76,7 @@ class AttitudesPart(PartOfWatched):
     def watch(self, watched: Watched | None) -> None:
         """Show the attitudes of another source, or of none."""
         self._watched = watched
-        self._comparison = self._own = None
-        self._grid.visible = False
-        self._figures.clear()
+        self.begin_anew()
         self.tell()
 
     def close(self) -> None:
@@ -90,15 +88,6 @@ class AttitudesPart(PartOfWatched):
         self._comparison = self._own = None
         self._grid.visible = False
         self._figures.clear()
-
-    def widen(self, window: float) -> None:
-        """Show another length of time [s], from the next `begin_anew`."""
-        self._figures.widen(window)
-
-    @property
-    def taken(self) -> bool:
-        """Whether the browser has drawn what was sent last."""
-        return self._figures.taken
 
     def advance(self) -> None:
         """Append what came since the last time."""

@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from dashboards.pages.base import hideable, plot_grid
-from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
+from dashboards.pages.live.watched import ABOVE, RollingPart, Watched
 from dashboards.seen_names import as_seen
 from dashboards.style import whole_column, wide_html
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
@@ -24,7 +24,7 @@ _RECENT = 60.0
 """Time over which errors are compared with their σ in the sentence [s]: a few correlation times of errors."""
 
 
-class ErrorsPart(PartOfWatched):
+class ErrorsPart(RollingPart):
     """Errors of position, velocity and attitude between their ±3σ.
 
     Parameters
@@ -42,7 +42,7 @@ class ErrorsPart(PartOfWatched):
         self._truth: TrueMotion | None = None
         self._cursor = HistoryCursor()
         self._recent: deque[LiveErrors] = deque()
-        self._figures = LiveErrorFigures(window)
+        self._figures: LiveErrorFigures = LiveErrorFigures(window)
         self._words = wide_html(margin=(4, 10))
         figures = self._figures.figures
         self._of_position = hideable(plot_grid(figures[:6], 3, 205, beside=ABOVE))
@@ -69,15 +69,6 @@ class ErrorsPart(PartOfWatched):
         self._recent.clear()
         self._of_position.visible = self._of_attitude.visible = False
         self._figures.clear()
-
-    def widen(self, window: float) -> None:
-        """Show another length of time [s], from the next `begin_anew`."""
-        self._figures.widen(window)
-
-    @property
-    def taken(self) -> bool:
-        """Whether the browser has drawn what was sent last."""
-        return self._figures.taken
 
     def advance(self) -> None:
         """Append what came since the last time."""

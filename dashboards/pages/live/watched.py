@@ -15,6 +15,7 @@ from dashboards.sending import soon, together
 from lab.base.progress import Progress
 from lab.live.owner import Visitor, may_change, may_share, may_watch
 from lab.live.station import Station
+from lab.views.rolling_figures import LiveAttitudeFigures, LiveErrorFigures
 
 ABOVE = 245
 """Height of what stands above the plots of a part, without the time bar, which is not there [px]."""
@@ -76,6 +77,21 @@ class PartOfWatched:
     @property
     def _station(self) -> Station | None:
         return None if self._watched is None else self._watched.station
+
+
+class RollingPart(PartOfWatched):
+    """A part whose plots move with the stream."""
+
+    _figures: LiveErrorFigures | LiveAttitudeFigures
+
+    def widen(self, window: float) -> None:
+        """Show another length of time [s], from the next `begin_anew`."""
+        self._figures.widen(window)
+
+    @property
+    def taken(self) -> bool:
+        """Whether the browser has drawn what was sent last."""
+        return self._figures.taken
 
 
 class LookingPart(PartOfWatched):
