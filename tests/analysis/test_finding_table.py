@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import lab.analysis
-from lab.analysis.verdicts import advice_table, finding_table, foreign_finding_table
+from lab.analysis.verdicts import advice_table, finding_table, foreign_finding_table, sensor_finding_table
 from lab.analysis.verdicts.advice_table import ADVICE
 from lab.analysis.verdicts.finding import Advice, Change, Wording, judge_size
 from lab.analysis.verdicts.finding_table import EXPLANATIONS, FINDING_NAMES, FINDINGS, SENSORS, VALUES
@@ -23,7 +23,10 @@ from lab.base.parameters.setting_error import SettingError
 from lab.data.checks.imu_axes import ImuAxes
 from lab.run.experiment_settings import ExperimentSettings
 
-TABLES = {Path(one.__file__).name for one in (advice_table, finding_table, foreign_finding_table)}
+TABLES = {
+    Path(one.__file__).name
+    for one in (advice_table, finding_table, foreign_finding_table, sensor_finding_table)
+}
 TREES = {
     path.name: ast.parse(path.read_text("utf-8")) for path in Path(lab.analysis.__file__).parent.rglob("*.py")
 }

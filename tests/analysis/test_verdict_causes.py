@@ -9,8 +9,8 @@ import pytest
 
 from lab.analysis.verdicts.pattern import BINS, binned, channel, stretch
 from lab.analysis.verdicts.selection import select
-from lab.analysis.verdicts.sensor_evidence import Reference, exact
 from lab.analysis.verdicts.sums import Fit, Squares
+from lab.analysis.verdicts.true_motion import Reference, exact
 from lab.analysis.verdicts.verdict import judge
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment

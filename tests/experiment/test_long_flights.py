@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from dashboards.computing import run
 from lab import Experiment
 from lab.analysis import consistency, fix_causes, observability
-from lab.analysis.verdicts import imu_causes, sensor_evidence
+from lab.analysis.verdicts import imu_causes, true_motion
 from lab.analysis.verdicts.innovation_evidence import offered
 from lab.analysis.verdicts.run_evidence import evidence_of
 from lab.base import histories
@@ -336,7 +336,7 @@ STEPS: dict[str, tuple[Callable[[Result], object], int]] = {
 def test_what_is_computed_of_a_long_flight_takes_little(
     step: str, monkeypatch: pytest.MonkeyPatch, everything_is_long: None
 ) -> None:
-    for module, name in ((flight, "AT_ONCE"), (fix_causes, "AT_ONCE"), (sensor_evidence, "AT_ONCE")):
+    for module, name in ((flight, "AT_ONCE"), (fix_causes, "AT_ONCE"), (true_motion, "AT_ONCE")):
         monkeypatch.setattr(module, name, 1000)
     for module, name in ((imu_causes, "AT_ONCE"), (fix_causes, "FIXES_AT_ONCE"), (consistency, "AT_ONCE")):
         monkeypatch.setattr(module, name, 8)

@@ -36,8 +36,9 @@ from lab.analysis.verdicts.run_means import (
     Series,
     run_means,
 )
-from lab.analysis.verdicts.sensor_evidence import Reference, SensorErrors, sensor_errors
+from lab.analysis.verdicts.sensor_evidence import SensorErrors, sensor_errors
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
+from lab.analysis.verdicts.true_motion import Reference
 from lab.base.arrays import FloatArray
 from lab.base.blas_threads import OneBlasThread
 from lab.navigation.aids import NAMES, NO_AIDS

@@ -16,13 +16,14 @@ from lab.analysis.verdicts.finding import Change, Wording
 from lab.analysis.verdicts.imu_causes import CAUSES
 from lab.analysis.verdicts.pattern import AXES
 from lab.analysis.verdicts.run_means import BETWEEN, BLOCKS, NEES, NIS
+from lab.analysis.verdicts.sensor_finding_table import SENSOR_FINDINGS
 from lab.navigation.aids import NAMES as AIDS
 
 SENSORS = ("gyro", "accelerometer")
 """The inertial sensors."""
 EITHER = "GPS or IMU"
 """What findings call a cause that the innovations do not tell."""
-CORRELATION, EARTH_RATE, LINEAR_MODEL = "GPS correlation", "Earth rate", "linear model"
+CORRELATION, LINEAR_MODEL = "GPS correlation", "linear model"
 ARM_OR_LATENCY = "GPS lever arm or latency"
 """What a finding is called whose cause is one of the two: the errors of the fixes do not tell which."""
 AID_NOISE = tuple(f"R {aid}" for aid in AIDS)
@@ -169,88 +170,7 @@ FINDINGS: dict[str, Wording] = {
         "The innovations of the {aid} are {root} times as large as the filter says: their assumed noise is "
         "{direction}.",
     ),
-    # inertial sensors, by their true errors
-    "scale factor": Wording(
-        "{sensor} scale factor",
-        "The scale factors of the {sensor}s are wrong by {size:.2g} %: their errors are proportional to the "
-        "measured quantity.",
-        "Set navigator.states to 21, and sensors.{sensor}.scale_factor_sigma to {size:.2g}: the filter then "
-        "estimates the scale factors.",
-        (Change("navigator.states", 21), Change("sensors.{sensor}.scale_factor_sigma", "{size}")),
-    ),
-    "misalignment": Wording(
-        "{sensor} misalignment",
-        "The {sensor}s are misaligned by {size:.2g}°: each also measures the other axes.",
-        "Calibrate the {sensor}s, or set navigator.estimate_misalignments. More {sensor} noise in "
-        "navigator.q covers a part of them.",
-    ),
-    "bandwidth": Wording(
-        "{sensor} bandwidth",
-        "The {sensor}s lag behind the motion by {size:.2g} ms: their bandwidth is limited.",
-        "Shift the time stamps of the {sensor}s by −{size:.2g} ms, or use {sensor}s with a larger bandwidth "
-        "(sensors.{sensor}.bandwidth).",
-    ),
-    "temperature": Wording(
-        "{sensor} temperature",
-        "The biases of the {sensor}s depend on the temperature, by {size:.2g} {unit} per K.",
-        "Set sensors.temperature.compensation, or let the {sensor} biases walk: a larger bias drive in "
-        "navigator.q.",
-    ),
-    "g-sensitivity": Wording(
-        "{sensor} g-sensitivity",
-        "The biases of the {sensor}s depend on the specific force, by {size:.2g} {unit} per g.",
-        "Compensate the {sensor}s for the specific force, or set navigator.estimate_g_sensitivity. More "
-        "{sensor} noise in navigator.q covers a part.",
-    ),
-    "bias drift": Wording(
-        "{sensor} bias drift",
-        "The biases of the {sensor}s drift steadily, by {size:.2g} {unit} per minute.",
-        "Let the {sensor} biases walk: a larger {sensor} bias drive in navigator.q.",
-    ),
-    "Earth rate": Wording(
-        EARTH_RATE,
-        "The rate of the Earth is left out: the sensors seem to err by ω_ie in the axes of the body (gyros), "
-        "and by 2 ω_ie × v (accelerometers), {part:.2g} times as much.",
-        "Subtract C_bn ω_ie from the gyros, and 2 ω_ie × v from the acceleration.",
-    ),
-    "saturation": Wording(
-        "{sensor} range",
-        "The {sensor}s saturated in {windows:.0f} windows of 1 s: their errors there are {root} times as "
-        "large as assumed.",
-        "Use {sensor}s with a larger range (sensors.{sensor}.range).",
-    ),
-    "more wander": Wording(
-        "Q {sensor} bias",
-        "The biases of the {sensor}s wander more than assumed: their drive, and so Q, is about {factor} "
-        "times too small.",
-        "Multiply the {sensor} bias drive in navigator.q by {multiply}.",
-        (Change("navigator.q", "{multiply}", True),),
-    ),
-    "less wander": Wording(
-        "Q {sensor} bias",
-        "The biases of the {sensor}s wander less than assumed: their drive, and so Q, is about {factor} "
-        "times too large.",
-        "Multiply the {sensor} bias drive in navigator.q by {multiply}.",
-        (Change("navigator.q", "{multiply}", True),),
-    ),
-    "wander without a drive": Wording(
-        "Q {sensor} bias",
-        "The biases of the {sensor}s wander more than assumed: their drive, and so Q, is zero.",
-        *ADVICE["a drive"],
-    ),
-    "Q": Wording(
-        "Q",
-        "Errors grow {root} times as fast as the filter claims: Q is {factor} times {direction}.",
-        "Multiply navigator.q_scale by {multiply}.",
-        (Change("navigator.q_scale", "{multiply}", True),),
-    ),
-    "Q of a sensor": Wording(
-        "Q {sensor}",
-        "Errors grow {root} times as fast as the filter claims: the {sensor} noise, and so Q, is {factor} "
-        "times {direction}.",
-        "Multiply the {sensor} noise in navigator.q by {multiply}.",
-        (Change("navigator.q", "{multiply}", True),),
-    ),
+    **SENSOR_FINDINGS,
     # the start
     "P0": Wording(
         "P0",

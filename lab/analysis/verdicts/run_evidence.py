@@ -9,7 +9,7 @@ import numpy as np
 from lab.analysis.fix_causes import MotionAtFixes
 from lab.analysis.verdicts.algorithm_verdict import algorithm_evidence
 from lab.analysis.verdicts.evidence import Evidence, evidence
-from lab.analysis.verdicts.sensor_evidence import Reference
+from lab.analysis.verdicts.true_motion import Reference
 from lab.base.arrays import FloatArray
 from lab.navigation.belief import bias_processes, hidden_by_fixes, of_bias_states
 from lab.navigation.filters.blocks import CONSIDERED, GPS_DRIFT, LATENCY, LEVER_ARM, SCALES

@@ -16,10 +16,11 @@ from lab.analysis.verdicts.finding import (
     too,
     wrong_by,
 )
-from lab.analysis.verdicts.finding_table import EARTH_RATE, FINDINGS, SENSORS
+from lab.analysis.verdicts.finding_table import FINDINGS, SENSORS
 from lab.analysis.verdicts.likely_factor import likely_factor
 from lab.analysis.verdicts.selection import Explained, estimates, gain_of, select
 from lab.analysis.verdicts.sensor_evidence import FACTORS, MOTION, SensorErrors
+from lab.analysis.verdicts.sensor_finding_table import EARTH_RATE
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY

@@ -19,14 +19,8 @@ from lab.analysis.fix_figures import FixFigures, TruthArrays
 from lab.analysis.verdicts.evidence import Evidence, between_fixes, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
 from lab.analysis.verdicts.lane_evidence import Abreast, evidence_abreast, uncertain_states
-from lab.analysis.verdicts.sensor_evidence import (
-    Exact,
-    Reference,
-    exacts,
-    sensor_errors,
-    sensor_errors_abreast,
-    window_means,
-)
+from lab.analysis.verdicts.sensor_evidence import sensor_errors, sensor_errors_abreast
+from lab.analysis.verdicts.true_motion import Exact, Reference, exacts, window_means
 from lab.base.arrays import FloatArray
 from lab.experiment.ensembles.run_at_fixes import (
     WIDE,
