@@ -24,7 +24,7 @@ from lab.analysis.budget import sigma_of_quantities
 from lab.analysis.errors import errors_of
 from lab.base.arrays import FloatArray
 from lab.base.processors import processors
-from lab.experiment.ensembles.outages import Block, blocks_of
+from lab.experiment.ensembles.outage_blocks import Block, blocks_of
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import at_fast_rate
 from lab.experiment.experiment import Experiment

@@ -11,7 +11,8 @@ import pytest
 from lab import Experiment, SettingError, card
 from lab.base.progress import StoppedError
 from lab.experiment.ensembles import outages
-from lab.experiment.ensembles.outages import Block, blocks_of, errors_in, matched, perfect_of, times_since
+from lab.experiment.ensembles.outage_blocks import Block, blocks_of, errors_in, times_since
+from lab.experiment.ensembles.outages import matched, perfect_of
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import at_fast_rate
 from lab.experiment.outage_table import OutageErrors, OutageRow, OutageTable, believed_radius, fewest
