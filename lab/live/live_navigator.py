@@ -25,13 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.counted import counted
 from lab.base.parameters.setting_error import SettingError
 from lab.data.clock.reading_times import NO_READINGS
 from lab.data.log.sensor_log import SensorLog
 from lab.data.streams.intake import Increments, Intake
-from lab.data.streams.ring import Cursor
-from lab.data.streams.source import Source
 from lab.data.streams.source_status import Event
 from lab.live.attitude_only import AttitudeOnly
 from lab.live.live_aids import LiveAids
@@ -40,7 +37,7 @@ from lab.live.live_history import History
 from lab.live.live_intake import FixIntake, ReadingIntake
 from lab.live.live_start import LiveStart
 from lab.live.live_state import PHASES, Anchor, HistoryCursor, LiveHistory, LiveState
-from lab.live.live_stream import LiveSolution, Stream, log_of_stream, look_at_compass
+from lab.live.live_stream import Stream, log_of_stream, look_at_compass
 from lab.live.live_view import phase_of, state_of
 from lab.live.pace import Pace
 from lab.live.stream_settings import stream_settings
@@ -67,8 +64,6 @@ wrong by tens of metres per second, and such errors are not small."""
 STEP: Final = 0.05
 """Shortest time of samples that is processed at once, where nobody asks for less [s]: no page draws oftener;
 a call costs 0.4 ms."""
-WAIT: Final = 0.1
-"""Longest wait for samples of a source that is followed [s]."""
 SOON: Final = 1.0
 """Longest time between the last sample and the loss of its source that caused the break [s]: breaks are at
 least 2 s apart."""
@@ -189,27 +184,6 @@ class LiveNavigator:
             if self._stream.filter is not None:
                 self._stream.filter.finish()
 
-    def follow(self, source: Source) -> None:
-        """Feed from a source until it ends."""
-        cursor, axes = Cursor(), source.axes
-        while True:
-            ended = source.ended  # before the last samples are taken
-            if source.axes != axes:
-                axes, cursor = source.axes, source.end
-                self.restart("The axes were changed")
-            read = source.since(cursor)
-            cursor, self.losses = read.cursor, source.losses
-            if read.lost:
-                self._notes["lost"] = (
-                    f"{counted(read.lost, 'sample')} came faster than they were processed: the navigator "
-                    "lost them, the recording has them."
-                )
-            self.feed(read.imu, read.fix, read.reading)
-            if ended and not read.imu.size and not read.fix.size:
-                self.finish()
-                return
-            source.wait(cursor, WAIT)
-
     def restart(self, why: str) -> None:
         """Align again with the samples to come, as when they have other axes.
 
@@ -249,11 +223,6 @@ class LiveNavigator:
         with self._lock:
             return self._history.since(cursor or HistoryCursor())
 
-    def solution(self) -> LiveSolution:
-        """Return the solution at the samples that are kept, from the start of the navigator on."""
-        with self._lock:
-            return self._stream.solution()
-
     def log(self) -> SensorLog:
         """Return the samples that are kept as a sensor log, for the batch; all of a short stream.
 
@@ -274,12 +243,8 @@ class LiveNavigator:
     def _new_stream(self, epoch: float) -> None:
         """Begin with the first sample of a stream, at a time of the host [s]."""
         self._stream = Stream(epoch, self._model.states)
-        self._aids = LiveAids(
-            self._sensors,
-            self._navigator,
-            self._stream.readings,
-            self._stream.samples,
-        )
+        stream = self._stream
+        self._aids = LiveAids(self._sensors, self._navigator, stream.readings, stream.samples)
         self._start = LiveStart(self._navigator, self._assumed)
         self._second = -1  # in which a start was sought
         self._shown_fix = self._shown = 0  # fixes and samples in the history

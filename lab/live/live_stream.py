@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.aid_table import SERIES
 from lab.base.arrays import FloatArray
@@ -38,36 +37,8 @@ RECENT: Final = 1.5
 """Time over which a vehicle counts as at rest after a sample at rest [s]: rest is known by whole seconds."""
 
 
-class LiveSolution(NamedTuple):
-    """The solution at all samples that are kept, including what later data said about them.
-
-    Attributes
-    ----------
-    time : (n,) array
-        Times of the log, which count from the first sample of the stream [s].
-    position, velocity_n, q_nb, bias, variance, covariance : arrays
-        As in `lab.navigation.solution.Solution`.
-    fix_time : (m,) array
-        Times of validity of the fixes since the start [s].
-    innovation, innovation_covariance, fix_rejected : arrays
-        As there.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    velocity_n: FloatArray
-    q_nb: FloatArray
-    bias: FloatArray
-    variance: FloatArray
-    covariance: FloatArray
-    fix_time: FloatArray
-    innovation: FloatArray
-    innovation_covariance: FloatArray
-    fix_rejected: NDArray[np.bool_]
-
-
 class Sample(NamedTuple):
-    """The solution at one sample: arrays as of `LiveSolution`, and the Euler angles with their σ [rad]."""
+    """The solution at one sample: as of `lab.navigation.solution.Solution`, and Euler angles, σ [rad]."""
 
     position: FloatArray
     velocity_n: FloatArray
@@ -152,16 +123,8 @@ class Stream:
         """Return the solution at a sample, by its number."""
         row = {name: self.samples.rows(name, number, number + 1).copy() for name in Sample._fields[:6]}
         euler, sigma = euler_with_sigma(row["q_nb"], row["variance"], row["covariance"])
-        return Sample(
-            position=row["position"][0],
-            velocity_n=row["velocity_n"][0],
-            q_nb=row["q_nb"][0],
-            bias=row["bias"][0],
-            variance=row["variance"][0],
-            covariance=row["covariance"][0],
-            euler=euler[0],
-            euler_sigma=sigma[0],
-        )
+        here = {name: values[0] for name, values in row.items()}
+        return Sample(**here, euler=euler[0], euler_sigma=sigma[0])
 
     def shown_heading(self) -> tuple[float, float, str] | None:
         """Return the heading at the first sample with a fix that the IMU shows, its σ and its source.
@@ -178,20 +141,6 @@ class Stream:
         if not here.is_usable or here.euler_sigma[2] >= NORTH:
             return None
         return float(here.euler[2]), float(here.euler_sigma[2]), attitude.heading_source
-
-    def solution(self) -> LiveSolution:
-        """Return the solution at the samples that are kept, from the start of the navigator on."""
-        first, fix = self.samples.first, max(self.first_fix, self.fixes.first)
-        last = fix
-        if self.filter is not None:
-            first, last = max(self.filter.first, first), max(fix, self.filter.next_fix)
-        return LiveSolution(
-            *(self.samples.rows(name, first, self.end).copy() for name in LiveSolution._fields[:7]),
-            *(
-                self.fixes.rows(name, fix, last).copy()
-                for name in ("time", "innovation", "innovation_covariance", "rejected")
-            ),
-        )
 
     def forget(self, kept: float) -> None:
         """Forget samples and fixes older than `kept` seconds, but for the fix before the oldest sample."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from live_batch import assert_equal, navigator, random_pieces, recorded, suite
+from live_batch import assert_equal, follow, navigator, random_pieces, recorded, suite
 from live_rows import driven, feed
 
 import lab.live
@@ -82,7 +82,7 @@ def test_following_a_device_with_a_barometer_equals_the_batch_on_its_recording(t
     path = recorded(tmp_path / "flight.inslab")
     live = navigator(sensors=fitted())
     with lab.live.open(f"replay:{path}?speed=max") as source:
-        live.follow(source)
+        follow(live, source)
     run = navigate_log(
         log_of_recording(path), fitted(), NavigatorSettings(vehicle="car"), start=live.alignment
     )

@@ -6,7 +6,7 @@ from itertools import repeat
 
 import numpy as np
 import pytest
-from live_batch import assert_equal, navigator, random_pieces, recorded, suite
+from live_batch import assert_equal, follow, navigator, random_pieces, recorded, solution_of, suite
 from live_rows import HOST, driven, feed
 
 import lab.live
@@ -43,7 +43,7 @@ def test_it_equals_the_batch(pieces, late, settings):
     np.testing.assert_array_equal(own.dtheta, log.dtheta)
     np.testing.assert_array_equal(own.gnss.velocity_sigma, log.gnss.velocity_sigma)
     if settings.get("rest_updates", True):
-        assert live.solution().variance[6500, 9:12].max() < np.radians(0.01) ** 2  # at rest, the bias shows
+        assert solution_of(live).variance[6500, 9:12].max() < np.radians(0.01) ** 2  # at rest, the bias shows
 
 
 @pytest.mark.parametrize("settings", [{"filter_rate": 20.0}, {"model": "invariant"}])
@@ -64,7 +64,7 @@ def test_stamps_that_are_late_are_brought_to_their_time():
     feed(live, imu, fixes, random_pieces(1))
     log = log_of("replay", imu, fixes, latency=0.15, vehicle="car")
     assert_equal(live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment))
-    assert np.abs(np.mean(live.solution().innovation[120:190, :2], axis=0)).max() < 0.3
+    assert np.abs(np.mean(solution_of(live).innovation[120:190, :2], axis=0)).max() < 0.3
 
 
 @pytest.mark.parametrize("axes", [(2,), (0, 1, 2)])
@@ -78,7 +78,7 @@ def test_velocities_that_the_receiver_does_not_measure(axes):
     log = log_of("replay", imu, fixes, vehicle="car")
     whole = NavigatorSettings(vehicle="car", gate=0.99)
     assert_equal(live, navigate_log(log, suite(), whole, start=live.alignment))
-    assert np.isnan(live.solution().innovation[:, 5]).all()
+    assert np.isnan(solution_of(live).innovation[:, 5]).all()
 
 
 def test_rows_that_cannot_be_used_are_counted_and_change_nothing():
@@ -116,7 +116,7 @@ def test_following_a_replay_equals_the_batch_on_the_recorded_log(tmp_path):
     path = recorded(tmp_path / "flight.inslab")
     live = navigator()
     with lab.live.open(f"replay:{path}?speed=max") as source:
-        live.follow(source)
+        follow(live, source)
     assert live.state.phase == "navigating"
     settings = NavigatorSettings(vehicle="car")
     assert_equal(live, navigate_log(log_of_recording(path), suite(), settings, start=live.alignment))

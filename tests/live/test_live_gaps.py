@@ -6,7 +6,17 @@ from itertools import repeat
 
 import numpy as np
 import pytest
-from live_batch import NO_FIXES, TOLERANCE, assert_equal, navigator, random_pieces, recorded, suite
+from live_batch import (
+    NO_FIXES,
+    TOLERANCE,
+    assert_equal,
+    follow,
+    navigator,
+    random_pieces,
+    recorded,
+    solution_of,
+    suite,
+)
 from live_rows import HOST, driven, feed
 
 import lab.live
@@ -111,7 +121,7 @@ def test_the_pieces_in_which_samples_arrive_change_no_bit(seed):
     for longest in (2, 150, 3000):
         live = navigator()
         feed(live, rows, fixes, random_pieces(seed, longest))
-        found.append(live.solution())
+        found.append(solution_of(live))
     for other in found[1:]:
         np.testing.assert_array_equal(other.time, found[0].time)
         np.testing.assert_allclose(other.velocity_n, found[0].velocity_n, rtol=0, atol=1e-9)
@@ -145,13 +155,13 @@ def test_a_damaged_recording_replayed_equals_the_batch(tmp_path, name, states, d
     sensors.update(card(name).settings())
     live = navigator(sensors=sensors, vehicle="aeroplane", states=states)
     with lab.live.open(f"replay:{path}?speed=max") as source:
-        live.follow(source)
+        follow(live, source)
     assert live.state.phase == "navigating"
     log, cut = log_of_recording(path), 0.0
     assert recorded_samples(path).imu.size < 7990
     if live.state.rows.breaks:
         # In motion, the start depends on when it is sought, and that on how fast the recording is read.
-        cut = float(live.solution().time[0])
+        cut = float(solution_of(live).time[0])
         log = piece(log, start=live.log().epoch + cut - 1e-3)
     else:
         assert live.state.rows.gaps > 0
@@ -171,14 +181,14 @@ def test_a_short_gap_is_filled_as_in_a_log_and_marked():
     np.testing.assert_allclose(live.log().gaps, log.gaps, atol=TOLERANCE)
     np.testing.assert_allclose(live.log().dtheta, log.dtheta, atol=1e-15)
     run = navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment)
-    mine = live.solution()
+    mine = solution_of(live)
     before = slice(0, 8000)
     np.testing.assert_array_equal(mine.q_nb[before], run.solution.q_nb[before])
     # In the gap the batch takes its noise from the whole log; both know little, and recover.
     sigma = np.sqrt(mine.variance[:, :3])
     whole = navigator()
     feed(whole, imu, fixes, repeat(200))
-    assert np.sqrt(mine.variance[8098, 3:6] / whole.solution().variance[8098, 3:6]).max() > 1.5
+    assert np.sqrt(mine.variance[8098, 3:6] / solution_of(whole).variance[8098, 3:6]).max() > 1.5
     truth = trajectory.at(mine.time[8000:] + 0.01)
     miss = (mine.position[8000:] - np.stack((truth.latitude, truth.longitude, truth.height), axis=-1)) * [
         *map(float, metres_per_radian(truth.latitude[0], 0.0)), 1.0,

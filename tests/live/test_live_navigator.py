@@ -6,7 +6,7 @@ from itertools import repeat
 
 import numpy as np
 import pytest
-from live_batch import NO_FIXES, TOLERANCE, navigator, suite
+from live_batch import NO_FIXES, TOLERANCE, navigator, solution_of, suite
 from live_rows import HOST, RATE, driven, feed
 
 from lab.base.parameters.setting_error import SettingError
@@ -68,7 +68,7 @@ def test_a_wait_longer_than_the_memory_starts_later():
         if live.alignment is not None and not keeper:
             keeper.append(live.log())
             run = navigate_log(keeper[0], suite(), NavigatorSettings(vehicle="car"), start=live.alignment)
-            mine = live.solution()
+            mine = solution_of(live)
             assert mine.time.size == run.imu.time.size < 62 * 100
             assert np.abs(mine.velocity_n - run.solution.velocity_n).max() < TOLERANCE
             assert np.abs(mine.q_nb - run.solution.q_nb).max() < TOLERANCE
@@ -101,8 +101,8 @@ def test_memory_is_bounded_and_a_history_is_read_once():
     imu, fixes, _ = driven(late=0.2)
     live = navigator(kept=60.0)
     feed(live, imu, fixes, repeat(50))
-    assert live.solution().time.size < 62 * 100
-    assert live.solution().time[-1] == pytest.approx(imu["time"][-1] - imu["time"][0])
+    assert solution_of(live).time.size < 62 * 100
+    assert solution_of(live).time[-1] == pytest.approx(imu["time"][-1] - imu["time"][0])
     cursor, first = live.since()
     assert first.time.size > 20 * 60
     assert first.innovation.shape[0] == live.state.fixes_used

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from live_batch import assert_equal, navigator, random_pieces, suite
+from live_batch import assert_equal, navigator, random_pieces, solution_of, suite
 from live_rows import driven, feed
 
 from lab.data.streams.live_log import log_of
@@ -44,7 +44,7 @@ def test_spikes_hardly_change_the_solution():
     for rows in (imu, spiked(imu)):
         live = navigator()
         feed(live, rows[:-1], fixes, random_pieces(1))
-        found.append(live.solution())
+        found.append(solution_of(live))
     clean, dirty = found
     at = np.searchsorted(dirty.time, clean.time[:-5] - 1e-6)
     # A single sample of 16 g over 10 ms adds 1.6 m/s.

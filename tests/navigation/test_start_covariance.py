@@ -7,6 +7,7 @@ from itertools import repeat
 import numpy as np
 import pytest
 from carded_logs import RTK, STANDALONE, carded, loaded
+from live_batch import solution_of
 from live_rows import feed
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -191,7 +192,7 @@ def tilts(
     if live:
         navigator = LiveNavigator(experiment.sensors, experiment.navigator, kept=1e6)
         feed(navigator, imu, fixes, repeat(50))
-        time, made = navigator.solution().time, navigator.solution()
+        time, made = solution_of(navigator).time, solution_of(navigator)
     else:
         log = log_of("drive", imu, fixes, vehicle="car")
         run = navigate_log(log, experiment.sensors, experiment.navigator)

@@ -75,11 +75,6 @@ class XPlaneFrames:
         self._paces.clear()
         self._span = None
 
-    @property
-    def heard(self) -> bool:
-        """Whether a position has come."""
-        return self._came > -math.inf
-
     def accept(self, packet: bytes, arrival: float) -> list[tuple[Frame, float]]:
         """Return the frames that a packet completes, with their arrival [s].
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live_batch import assert_equal, navigator, suite
+from live_batch import assert_equal, follow, navigator, suite
 
 import lab.live
 from lab.data.files.sensor_log_csv import read_sensor_log
@@ -66,7 +66,7 @@ def test_a_recorded_file_replays_bit_for_bit_and_its_mission_has_all(
     found = recorded_samples(path)
     live = navigator(sensors=sensors(), vehicle="aeroplane")
     with lab.live.open(f"replay:{path}?speed=max") as source:
-        live.follow(source)
+        follow(live, source)
         replayed = source.since(None)
     for name in ("imu", "fix", "reading"):
         assert getattr(found, name).tobytes() == getattr(replayed, name).tobytes(), name
