@@ -32,6 +32,7 @@ from lab.flying.plan_table import (
     number,
     plain_part,
     read_part,
+    read_parts,
 )
 from lab.flying.weather import CALM, Air, Gust
 
@@ -164,11 +165,9 @@ class FlightPlan:
 def _air(values: Any, where: str) -> Air:
     if not isinstance(values, Mapping) or "gusts" not in values:
         return read_part(Air, values, where)
-    gusts, others = values["gusts"], {key: value for key, value in values.items() if key != "gusts"}
-    if not isinstance(gusts, Sequence) or isinstance(gusts, str) or len(gusts) > MAX_GUSTS:
-        raise MissionError(f"{where}.gusts: expected a list of up to {MAX_GUSTS} gusts")
-    read = (read_part(Gust, gust, f"{where}.gusts, number {number}") for number, gust in enumerate(gusts, 1))
-    return read_part(Air, others, where, {"gusts": tuple(read)})
+    others = {key: value for key, value in values.items() if key != "gusts"}
+    gusts = read_parts(Gust, values["gusts"], f"{where}.gusts", 0, MAX_GUSTS, "gusts")
+    return read_part(Air, others, where, {"gusts": gusts})
 
 
 def _manoeuvres(

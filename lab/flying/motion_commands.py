@@ -13,7 +13,7 @@ velocity, 5 change of attitude and velocity to reach. Format: https://github.com
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,7 @@ from lab.base.files.bounds import HEIGHTS, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.flying.dead_reckoning import position
 from lab.flying.manoeuvres import MAX_DURATION
-from lab.flying.plan_table import LATITUDES, SPEEDS, TURNS, number, plain_part, read_part
+from lab.flying.plan_table import LATITUDES, SPEEDS, TURNS, number, plain_part, read_part, read_parts
 from lab.motion.frames.rotation import C_nb_from_euler, wrap
 from lab.motion.recordings.recording import Recording
 
@@ -131,11 +131,7 @@ class MotionPlan:
 
 
 def _commands(entries: Any, where: str) -> tuple[MotionCommand, ...]:
-    if not isinstance(entries, Sequence) or isinstance(entries, str) or not 0 < len(entries) <= MAX_COMMANDS:
-        raise MissionError(f"{where}: expected a list of 1 to {MAX_COMMANDS} commands")
-    commands = tuple(
-        read_part(MotionCommand, entry, f"{where}, number {count}") for count, entry in enumerate(entries, 1)
-    )
+    commands = read_parts(MotionCommand, entries, where, 1, MAX_COMMANDS, "commands")
     total = sum(command.seconds for command in commands)
     if not MIN_SAMPLES * SAMPLE <= total <= MAX_DURATION:
         raise MissionError(

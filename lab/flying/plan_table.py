@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
@@ -128,6 +128,23 @@ def read_part(
             raise MissionError(f"{where}: {name} is missing. Accepted: {', '.join(declared)}")
     accepted = {key: accept(kind, key, value, where, limits) for key, value in values.items()}
     return kind(**accepted, **parts)
+
+
+def read_parts(
+    kind: type[Part], entries: Any, where: str, least: int, most: int, noun: str
+) -> tuple[Part, ...]:
+    """Return dataclasses from a list of mappings, of a number of entries; `noun` names them in messages.
+
+    Raises
+    ------
+    MissionError
+        If it is no such list; as `read_part`.
+    """
+    is_list = isinstance(entries, Sequence) and not isinstance(entries, str)
+    if not is_list or not least <= len(entries) <= most:
+        between = f"{least} to {most}" if least else f"up to {most}"
+        raise MissionError(f"{where}: expected a list of {between} {noun}")
+    return tuple(read_part(kind, entry, f"{where}, number {count}") for count, entry in enumerate(entries, 1))
 
 
 def accept(kind: type, key: str, value: Any, where: str, limits: Limits | None = None) -> Any:

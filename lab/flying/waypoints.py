@@ -26,7 +26,7 @@ from lab.flying.dead_reckoning import integral
 from lab.flying.geodesic import geodesic
 from lab.flying.manoeuvres import MAX_DURATION
 from lab.flying.path_profile import Leg, Turn, profile
-from lab.flying.plan_table import LATITUDES, TURNS, choice, number, plain_part, read_part
+from lab.flying.plan_table import LATITUDES, TURNS, choice, number, plain_part, read_part, read_parts
 from lab.motion.frames.displacement import longer_above, metres_per_radian
 from lab.motion.frames.rotation import wrap
 from lab.motion.recordings.recording import Recording
@@ -113,13 +113,7 @@ class WaypointPlan:
         parts: dict[str, Any] = {}
         if "waypoints" in values:
             entries, here = values.pop("waypoints"), f"{where}.waypoints"
-            listed = isinstance(entries, Sequence) and not isinstance(entries, str)
-            if not listed or not 2 <= len(entries) <= MAX_WAYPOINTS:
-                raise MissionError(f"{here}: expected a list of 2 to {MAX_WAYPOINTS} waypoints")
-            parts["waypoints"] = tuple(
-                read_part(Waypoint, entry, f"{here}, number {count}")
-                for count, entry in enumerate(entries, 1)
-            )
+            parts["waypoints"] = read_parts(Waypoint, entries, here, 2, MAX_WAYPOINTS, "waypoints")
         return read_part(cls, values, where, parts)
 
     def to_dict(self) -> dict[str, Any]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import difflib
 import os
 import warnings
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from lab.base.files.mission_error import MissionError
-from lab.missions.folder_listing import described, list_folder
+from lab.missions.folder_listing import described, holds, list_folder
 from lab.missions.log_mission import LogMission, is_log_folder
 from lab.missions.mission import Mission
 
@@ -82,19 +82,16 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
     found, broken, _ = _find()
     if text.lower().endswith(".toml"):
         path = _expanded(text)
-        listed = [
-            one for one in found.values() if one.path is not None and one.path.absolute() == path.absolute()
-        ]
-        return listed[0] if listed else described(path, str(path))
+        return _listed(path, found) or described(path, str(path))
     if text.lower().endswith((".csv", ".csv.gz")):
         return _from_csv(_expanded(text))
     if text in found:
         return found[text]
     if text in broken:
         raise MissionError(broken[text])
-    if text and _is_folder(_expanded(text)):
+    if text and holds(_expanded(text).is_dir):
         return _from_folder(_expanded(text), found)
-    if text and _is_file(_expanded(text)):
+    if text and holds(_expanded(text).is_file):
         raise MissionError(
             f"{text}: is a file, and no mission yet; ins-lab import {text} adds it, with --as log if it has "
             "an IMU"
@@ -121,25 +118,11 @@ def _expanded(text: str) -> Path:
 
 
 def _from_csv(path: Path) -> Mission:
-    if not _is_file(path):
+    if not holds(path.is_file):
         raise MissionError(
             f"{path}: there is no such file; accepted is a flight csv or the name of a mission"
         )
     return Mission.from_csv(path)
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def _is_folder(path: Path) -> bool:
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):
-        return False
 
 
 def _from_folder(path: Path, found: dict[str, Mission]) -> Mission:
@@ -148,10 +131,13 @@ def _from_folder(path: Path, found: dict[str, Mission]) -> Mission:
         raise MissionError(
             f"{path}: is a folder without a log; accepted is one with log.toml, or with imu.csv and gnss.csv"
         )
-    listed = [
-        one for one in found.values() if one.path is not None and one.path.absolute() == path.absolute()
-    ]
-    return listed[0] if listed else LogMission.at(path)
+    return _listed(path, found) or LogMission.at(path)
+
+
+def _listed(path: Path, found: Mapping[str, Mission]) -> Mission | None:
+    """Return the mission of a path among those found; None if there is none."""
+    same = (one for one in found.values() if one.path is not None and one.path.absolute() == path.absolute())
+    return next(same, None)
 
 
 def _find() -> tuple[dict[str, Mission], dict[str, str], dict[str, Path]]:

@@ -77,7 +77,7 @@ def list_folder(folder: Path) -> list[Listed]:
     tomls, logs = list[Listed](), list[Listed]()
     for name in sorted(inside):
         entry = inside[name]
-        is_folder = _holds(entry.is_dir)
+        is_folder = holds(entry.is_dir)
         if not is_folder and not name.endswith(".toml"):
             continue
         stamp = _stamp(entry.path)
@@ -130,7 +130,7 @@ def _with_recording(known: _Known, listed: Listed, inside: dict[str, os.DirEntry
         return listed
     recording = listed.mission.recording_path
     there = inside.get(known.beside)
-    if _holds(recording.is_file if there is None else there.is_file):
+    if holds(recording.is_file if there is None else there.is_file):
         return listed
     hint = f"; fly it: ins-lab fly {listed.path}" if listed.mission.flight else ""
     problem = f"{listed.path}: its recording {recording.name} does not exist{hint}"
@@ -151,9 +151,9 @@ def _both(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
     return (max(one[0], other[0]), *one[1:], *other[1:])
 
 
-def _holds(check: Callable[[], bool]) -> bool:
+def holds(check: Callable[[], bool]) -> bool:
     """Return the answer of a check of a file; False if there is none, as for a link to itself."""
     try:
         return check()
-    except OSError:
+    except (OSError, ValueError):
         return False

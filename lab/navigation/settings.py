@@ -28,6 +28,10 @@ _NOISE_ROWS = [
 ]
 
 
+def _factor(label: str, what: str) -> Quantity:
+    return Quantity(1.0, bounds=(1e-6, 1e6), softbounds=(0.01, 100), label=label, doc=f"Factor on {what}.")
+
+
 class NavigatorSettings(Settings):
     """The start of the navigator, the assumptions of its filter, and its corrections."""
 
@@ -210,12 +214,9 @@ class NavigatorSettings(Settings):
         label="Slip, σ",
         doc="Standard deviation of these speeds, white from second to second.",
     )
-    aiding_scale = Quantity(
-        1.0,
-        bounds=(1e-6, 1e6),
-        softbounds=(0.01, 100),
-        label="Scale of other measurements",
-        doc="Factor on the variances of all measurements other than GPS fixes that the filter assumes.",
+    aiding_scale = _factor(
+        "Scale of other measurements",
+        "the variances of all measurements other than GPS fixes that the filter assumes",
     )
     estimate_misalignments = param.Boolean(
         default=False,
@@ -312,27 +313,9 @@ class NavigatorSettings(Settings):
         doc="Age of a fix at its time stamp, as the filter assumes it. matched: that of the simulated "
         "receiver, or of the log.",
     )
-    p0_scale = Quantity(
-        1.0,
-        bounds=(1e-6, 1e6),
-        softbounds=(0.01, 100),
-        label="P₀ scale",
-        doc="Factor on the initial covariance the filter assumes.",
-    )
-    q_scale = Quantity(
-        1.0,
-        bounds=(1e-6, 1e6),
-        softbounds=(0.01, 100),
-        label="Q scale",
-        doc="Factor on the process noise the filter assumes.",
-    )
-    r_scale = Quantity(
-        1.0,
-        bounds=(1e-6, 1e6),
-        softbounds=(0.01, 100),
-        label="R scale",
-        doc="Factor on the measurement noise the filter assumes.",
-    )
+    p0_scale = _factor("P₀ scale", "the initial covariance the filter assumes")
+    q_scale = _factor("Q scale", "the process noise the filter assumes")
+    r_scale = _factor("R scale", "the measurement noise the filter assumes")
     r_factors = AxisQuantity(
         1.0,
         axes=("horizontal position", "vertical position", "velocity"),

@@ -23,7 +23,7 @@ from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.alignment.alignment import Alignment
 from lab.navigation.alignment.rest_alignment import Aligned
 from lab.navigation.belief import assumed_latency
-from lab.navigation.filters.blocks import DRIFTS, GYRO_G, SCALES
+from lab.navigation.filters.blocks import DRIFTS, GYRO_G
 from lab.navigation.solution import HISTORIES, Belief, Solution
 from lab.run.experiment_settings import ExperimentSettings
 from lab.run.further_truth import bias_drift, felt_by_gyros, further_truth
@@ -241,11 +241,6 @@ class Run(ABC):
     def true_further(self) -> FloatArray:
         """Return the true values (n + 1, k) of the states after the scale factors, at the IMU times."""
         return further_truth(self.simulated_settings, self.blocks, self.time)
-
-    @property
-    def is_aided(self) -> bool:
-        """Whether the filter has further states besides scale factors, or uses other measurements."""
-        return bool(self.aids.time.size or set(self.blocks) - set(SCALES))
 
     def imu_temperature(self) -> FloatArray:
         """Return the temperature of the IMU (n,) in each sample interval of a simulated run [°C].

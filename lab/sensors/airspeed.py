@@ -43,15 +43,7 @@ class AirspeedErrors(AidSensor):
     )
     period = readings.period(1.0)
     noise = readings.noise(1.0, unit="m/s", bounds=(1e-3, 100), softbounds=(0.1, 5), step=0.1)
-    scale_factor_sigma = Quantity(
-        1.0,
-        unit="%",
-        bounds=(0, 50),
-        softbounds=(0, 5),
-        step=0.1,
-        label="Scale factor error, σ",
-        doc="Standard deviation of the relative error of the airspeed, drawn anew for each seed.",
-    )
+    scale_factor_sigma = readings.scale_factor_sigma("airspeed")
     slowest = Quantity(
         20.0,
         unit="m/s",

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.setting_kinds import AxisQuantity, Quantity
+from lab.base.parameters.setting_kinds import AxisQuantity
 from lab.base.parameters.units import si
 from lab.motion.frames import rotation
 from lab.motion.truth.trajectory import Trajectory
@@ -32,15 +32,7 @@ class OdometerErrors(AidSensor):
     )
     period = readings.period(0.2)
     noise = readings.noise(0.1, unit="m/s", bounds=(1e-5, 100), softbounds=(0.01, 2), step=0.01)
-    scale_factor_sigma = Quantity(
-        1.0,
-        unit="%",
-        bounds=(0, 50),
-        softbounds=(0, 5),
-        step=0.1,
-        label="Scale factor error, σ",
-        doc="Standard deviation of the relative error of the speed, drawn anew for each seed.",
-    )
+    scale_factor_sigma = readings.scale_factor_sigma("speed")
     lever_arm = AxisQuantity(
         0.0,
         unit="m",

@@ -102,6 +102,19 @@ def correlation_time(default: float) -> Quantity:
     )
 
 
+def scale_factor_sigma(quantity: str) -> Quantity:
+    """Return the declaration of the error of the scale factor of a quantity."""
+    return Quantity(
+        1.0,
+        unit="%",
+        bounds=(0, 50),
+        softbounds=(0, 5),
+        step=0.1,
+        label="Scale factor error, σ",
+        doc=f"Standard deviation of the relative error of the {quantity}, drawn anew for each seed.",
+    )
+
+
 def outages() -> Intervals:
     """Return the declaration of times without readings."""
     doc = "Times without readings, as [start, end] pairs in seconds."

@@ -11,7 +11,7 @@ import pytest
 
 from lab.analysis.verdicts.foreign_track import against, jumps
 from lab.analysis.verdicts.foreign_verdict import ForeignVerdict, judge_foreign
-from lab.data.log.filter_log import Event, FilterLog, Lane, Track, innovations_of
+from lab.data.log.filter_log import Event, FilterLog, Lane, Measured, Track, innovations_of
 from lab.data.log.sensor_log import GnssLog
 from lab.motion.frames.displacement import displaced
 
@@ -44,7 +44,12 @@ def log_of(
 ) -> FilterLog:  # fmt: skip
     ratio = (innovations**2 / variances).max(axis=1) / gate**2 if gate else None
     one = innovations_of(
-        "GPS position", ("north", "east"), "m", TIME, innovations, "made", variance=variances, ratio=ratio
+        Measured("GPS position", ("north", "east"), "m"),
+        TIME,
+        innovations,
+        "made",
+        variance=variances,
+        ratio=ratio,
     )
     assert one is not None
     return FilterLog("made", "a filter", (Lane("filter", (one,), track),), events=events, fusing=0.0)

@@ -17,7 +17,7 @@ import numpy as np
 from lab.analysis.verdicts.foreign_verdict import ForeignVerdict, judge_foreign
 from lab.base.files.mission_error import MissionError
 from lab.data.filter_logs import read_filter_log
-from lab.data.log.filter_log import AXES, FilterLog, Lane, innovations_of
+from lab.data.log.filter_log import AXES, FilterLog, Lane, Measured, innovations_of
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 
@@ -46,7 +46,11 @@ def innovations_alone(result: Result) -> FilterLog:
     found = []
     for name, own, unit in (("position", slice(0, 3), "m"), ("velocity", slice(3, 6), "m/s")):
         one = innovations_of(
-            name, AXES, unit, result.fixes.time, nu[:, own], name, variance=np.asarray(variance[:, own])
+            Measured(name, AXES, unit),
+            result.fixes.time,
+            nu[:, own],
+            name,
+            variance=np.asarray(variance[:, own]),
         )
         found += [] if one is None else [one]
     return FilterLog("run", "a filter", (Lane("filter", tuple(found)),), fusing=0.0)

@@ -35,8 +35,6 @@ class DeviceClock:
         How much faster the device's clock runs than the host's, as a part of 1.
     drift_sigma : float
         σ of the drift, from how the least delays scatter; infinite before there are enough.
-    delay : float
-        Least delay in the last second that ended, against the mapping [s].
     steps : int
         How often the mapping began anew.
     """
@@ -45,7 +43,6 @@ class DeviceClock:
         self.counted = counted
         self.drift = 0.0
         self.drift_sigma = math.inf
-        self.delay = 0.0
         self.steps = 0
         self._looks = 0  # least delays since the mapping began
         self._scatter = 0.0  # mean square of them [s²]
@@ -174,7 +171,6 @@ class DeviceClock:
             slew = 0.0
         self._pace = 1 + self._slope + slew
         self.drift = 1 / (1 + self._slope) - 1
-        self.delay = least
         self._judge(least, band)
         self._least, self._look_ends = math.inf, arrival + LIMITS.look
 

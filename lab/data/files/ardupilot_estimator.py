@@ -34,6 +34,7 @@ from lab.data.log.filter_log import (
     FilterLog,
     Innovations,
     Lane,
+    Measured,
     Track,
     changes,
     in_order,
@@ -62,13 +63,13 @@ _KINDS = (
     _Kind("ArduPilot EKF2", "NKF3", "NKF4", "NKF1", "EK2"),
 )
 _MEASURED = (
-    ("GPS velocity", AXES, "m/s", ("IVN", "IVE", "IVD"), "SV", "VEL", 500.0),
-    ("GPS position", AXES[:2], "m", ("IPN", "IPE"), "SP", "POS", 500.0),
-    ("height", AXES[2:], "m", ("IPD",), "SH", "HGT", 500.0),
-    ("airspeed", ("",), "m/s", ("IVT",), "SVT", "EAS", 400.0),
+    (Measured("GPS velocity", AXES, "m/s"), ("IVN", "IVE", "IVD"), "SV", "VEL", 500.0),
+    (Measured("GPS position", AXES[:2], "m"), ("IPN", "IPE"), "SP", "POS", 500.0),
+    (Measured("height", AXES[2:], "m"), ("IPD",), "SH", "HGT", 500.0),
+    (Measured("airspeed", ("",), "m/s"), ("IVT",), "SVT", "EAS", 400.0),
 )
 """Innovations, their test ratio, its gate's parameter, and the gate by default [hundredths of σ]."""
-_MAGNETOMETER = ("magnetometer", ("x", "y", "z"), "mG", ("IMX", "IMY", "IMZ"), "SM")
+_MAGNETOMETER = (Measured("magnetometer", ("x", "y", "z"), "mG"), ("IMX", "IMY", "IMZ"), "SM")
 _LEAST_GATE = 100.0
 """Smallest gate that ArduPilot uses, whatever the parameter says [hundredths of σ]."""
 _STEP = 0.01
@@ -171,40 +172,23 @@ def _innovations(
     time = values[TIME]
     rows = nearest(tested[TIME], time)
     found = []
-    for name, axes, unit, fields, root, gate, usual in _MEASURED:
+    for measured, fields, root, gate, usual in _MEASURED:
         if not {*fields} <= set(values) or root not in tested:
             continue
         width = max(parameters.get(f"{kind.parameters}_{gate}_I_GATE", usual), _LEAST_GATE) / 100
         ratio, columns = tested[root][rows] ** 2, np.column_stack([values[one] for one in fields])
-        one = innovations_of(
-            name,
-            axes,
-            unit,
-            time,
-            columns,
-            f"{kind.innovations}.{fields[0]}, {kind.ratios}.{root}",
-            square=ratio * width**2,
-            ratio=ratio,
-        )
+        source = f"{kind.innovations}.{fields[0]}, {kind.ratios}.{root}"
+        one = innovations_of(measured, time, columns, source, square=ratio * width**2, ratio=ratio)
         found += [] if one is None else [_with_common_variance(one, width)]
-    name, axes, unit, fields, root = _MAGNETOMETER
+    measured, fields, root = _MAGNETOMETER
     if {*fields} <= set(values) and root in tested:
         columns, ratio = np.column_stack([values[one] for one in fields]), tested[root][rows] ** 2
-        nothing = np.full(columns.shape, np.nan)
+        nothing, source = (
+            np.full(columns.shape, np.nan),
+            f"{kind.innovations}.{fields[0]}, {kind.ratios}.{root}",
+        )
         if columns.any():
-            found.append(
-                Innovations(
-                    name,
-                    axes,
-                    unit,
-                    time,
-                    columns,
-                    nothing,
-                    nothing[:, 0],
-                    ratio,
-                    f"{kind.innovations}.{fields[0]}, {kind.ratios}.{root}",
-                )
-            )
+            found.append(Innovations(*measured, time, columns, nothing, nothing[:, 0], ratio, source))
     return found
 
 

@@ -27,6 +27,7 @@ from lab.data.log.filter_log import (
     FilterLog,
     Innovations,
     Lane,
+    Measured,
     Track,
     innovations_of,
     rejections,
@@ -139,10 +140,9 @@ def _innovations(
     parts: dict[str, _Part], time: FloatArray, values: dict[str, FloatArray]
 ) -> Innovations | None:
     first, part = next(iter(parts.items()))
+    axes = tuple(one.axis for one in parts.values())
     return innovations_of(
-        part.name.replace("_", " "),
-        tuple(one.axis for one in parts.values()),
-        part.unit,
+        Measured(part.name.replace("_", " "), axes, part.unit),
         time,
         np.column_stack([values[cell] for cell in parts]),
         first,

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from lab.data.log.filter_log import (
     FilterLog,
     Innovations,
     Lane,
+    Measured,
     Track,
     changes,
     innovations_of,
@@ -63,32 +63,24 @@ _VISION, _VISION_YAW, _VISION_HEIGHT, _AIRSPEED, _GNSS_YAW, _VISION_VELOCITY = 1
 _YAWS = (_MAG_HEADING, _VISION_YAW, _GNSS_YAW)
 
 
-class _Measured(NamedTuple):
-    """What one field of the innovations is of, and the bits one of which says that it was fused."""
-
-    name: str
-    axes: tuple[str, ...]
-    unit: str
-    bits: tuple[int, ...]
-
-
 _FIELDS = {
-    "gps_hvel": _Measured("GPS velocity", _HORIZONTAL, "m/s", (_GNSS,)),
-    "gps_vvel": _Measured("GPS vertical velocity", _VERTICAL, "m/s", (_GNSS,)),
-    "gps_hpos": _Measured("GPS position", _HORIZONTAL, "m", (_GNSS,)),
-    "gps_vpos": _Measured("GPS height", _VERTICAL, "m", (_GNSS_HEIGHT,)),
-    "ev_hvel": _Measured("vision velocity", _HORIZONTAL, "m/s", (_VISION_VELOCITY,)),
-    "ev_vvel": _Measured("vision vertical velocity", _VERTICAL, "m/s", (_VISION_VELOCITY,)),
-    "ev_hpos": _Measured("vision position", _HORIZONTAL, "m", (_VISION,)),
-    "ev_vpos": _Measured("vision height", _VERTICAL, "m", (_VISION_HEIGHT,)),
-    "rng_vpos": _Measured("range finder", _VERTICAL, "m", (_RANGE,)),
-    "baro_vpos": _Measured("barometer", _VERTICAL, "m", (_BARO,)),
-    "flow": _Measured("optical flow", ("x", "y"), "rad/s", (_FLOW,)),
-    "heading": _Measured("heading", ("",), "rad", _YAWS),
-    "mag_field": _Measured("magnetometer", ("x", "y", "z"), "G", (_MAG,)),
-    "airspeed": _Measured("airspeed", ("",), "m/s", (_AIRSPEED,)),
+    "gps_hvel": (Measured("GPS velocity", _HORIZONTAL, "m/s"), (_GNSS,)),
+    "gps_vvel": (Measured("GPS vertical velocity", _VERTICAL, "m/s"), (_GNSS,)),
+    "gps_hpos": (Measured("GPS position", _HORIZONTAL, "m"), (_GNSS,)),
+    "gps_vpos": (Measured("GPS height", _VERTICAL, "m"), (_GNSS_HEIGHT,)),
+    "ev_hvel": (Measured("vision velocity", _HORIZONTAL, "m/s"), (_VISION_VELOCITY,)),
+    "ev_vvel": (Measured("vision vertical velocity", _VERTICAL, "m/s"), (_VISION_VELOCITY,)),
+    "ev_hpos": (Measured("vision position", _HORIZONTAL, "m"), (_VISION,)),
+    "ev_vpos": (Measured("vision height", _VERTICAL, "m"), (_VISION_HEIGHT,)),
+    "rng_vpos": (Measured("range finder", _VERTICAL, "m"), (_RANGE,)),
+    "baro_vpos": (Measured("barometer", _VERTICAL, "m"), (_BARO,)),
+    "flow": (Measured("optical flow", ("x", "y"), "rad/s"), (_FLOW,)),
+    "heading": (Measured("heading", ("",), "rad"), _YAWS),
+    "mag_field": (Measured("magnetometer", ("x", "y", "z"), "G"), (_MAG,)),
+    "airspeed": (Measured("airspeed", ("",), "m/s"), (_AIRSPEED,)),
 }
-"""Fields of the innovations since PX4 1.11."""
+"""Fields of the innovations since PX4 1.11: what each is of, and the bits one of which says that it was
+fused."""
 _OLD_FIELDS = {
     "vel_pos_innov[0:2]": ("vel_pos_innov", slice(0, 2), _FIELDS["gps_hvel"]),
     "vel_pos_innov[2]": ("vel_pos_innov", slice(2, 3), _FIELDS["gps_vvel"]),
@@ -96,7 +88,7 @@ _OLD_FIELDS = {
     "vel_pos_innov[5]": (
         "vel_pos_innov",
         slice(5, 6),
-        _Measured("height", _VERTICAL, "m", (_BARO, _RANGE, _GNSS_HEIGHT, _VISION_HEIGHT)),
+        (Measured("height", _VERTICAL, "m"), (_BARO, _RANGE, _GNSS_HEIGHT, _VISION_HEIGHT)),
     ),
     "mag_innov": ("mag_innov", slice(0, 3), _FIELDS["mag_field"]),
     "heading_innov": ("heading_innov", slice(0, 1), _FIELDS["heading"]),
@@ -185,22 +177,13 @@ def _innovations(log: ULogFile, number: int) -> list[Innovations]:
     rows = nearest(variances[TIME], time)
     tested = None if ratios is None else nearest(ratios[TIME], time)
     found = []
-    for name, measured in _FIELDS.items():
+    for name, (measured, bits) in _FIELDS.items():
         values, variance = _field(innovations, name, measured), _field(variances, name, measured)
         if values is None or variance is None:
             continue
         ratio = None if ratios is None or tested is None else _largest(ratios, name, tested)
-        one = innovations_of(
-            measured.name,
-            measured.axes,
-            measured.unit,
-            time,
-            values,
-            f"{_INNOVATIONS}.{name}",
-            variance=variance[rows],
-            ratio=ratio,
-            used=_used(log, number, time, measured.bits),
-        )
+        used, source = _used(log, number, time, bits), f"{_INNOVATIONS}.{name}"
+        one = innovations_of(measured, time, values, source, variance=variance[rows], ratio=ratio, used=used)
         found += [] if one is None else [one]
     return found
 
@@ -210,28 +193,20 @@ def _old_innovations(log: ULogFile) -> list[Innovations]:
     if topic is None:
         return []
     time, found = topic[TIME], []
-    for name, (field, own, measured) in _OLD_FIELDS.items():
+    for name, (field, own, (measured, bits)) in _OLD_FIELDS.items():
         if not {field, f"{field}_var"} <= set(topic):
             continue
         values, variance = (
             topic[key].reshape(len(topic[TIME]), -1)[:, own] for key in (field, f"{field}_var")
         )
         if values.shape[1] == len(measured.axes) == variance.shape[1]:
-            one = innovations_of(
-                measured.name,
-                measured.axes,
-                measured.unit,
-                time,
-                values,
-                f"{_OLD}.{name}",
-                variance=variance,
-                used=_used(log, 0, time, measured.bits),
-            )
+            used = _used(log, 0, time, bits)
+            one = innovations_of(measured, time, values, f"{_OLD}.{name}", variance=variance, used=used)
             found += [] if one is None else [one]
     return found
 
 
-def _field(messages: Messages, name: str, measured: _Measured) -> FloatArray | None:
+def _field(messages: Messages, name: str, measured: Measured) -> FloatArray | None:
     if name not in messages:
         return None
     values = messages[name].reshape(len(messages[TIME]), -1)

@@ -27,9 +27,8 @@ MAX_EVENTS = 500
 """Most events of a log that are kept: a damaged file must not fill a page with them."""
 
 
-@dataclass(frozen=True, eq=False)
-class Innovations:
-    """The innovations of one measurement.
+class Measured(NamedTuple):
+    """What innovations are of.
 
     Attributes
     ----------
@@ -39,6 +38,21 @@ class Innovations:
         What each column is; empty names for a measurement without axes.
     unit : str
         Of the innovations.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """The innovations of one measurement.
+
+    Attributes
+    ----------
+    name, axes, unit
+        As of `Measured`.
     time : (n,) array
         Increasing [s].
     values : (n, k) array
@@ -183,9 +197,7 @@ class FilterLog:
 
 
 def innovations_of(
-    name: str,
-    axes: tuple[str, ...],
-    unit: str,
+    measured: Measured,
     time: FloatArray,
     values: FloatArray,
     source: str,
@@ -199,8 +211,8 @@ def innovations_of(
 
     Parameters
     ----------
-    name, axes, unit, source
-        As of `Innovations`.
+    measured, source
+        What they are of, and where the log says it.
     time : (n,) array
         [s]; rows whose time does not increase are dropped.
     values : (n, k) array
@@ -235,9 +247,8 @@ def innovations_of(
     rows = rows[np.append(True, (np.diff(content, axis=0) != 0).any(axis=1))[: rows.size]]
     if not rows.size or not values[rows].any():
         return None
-    return Innovations(
-        name, axes, unit, time[rows], values[rows], normalised[rows], square[rows], ratio[rows], source
-    )
+    time, values, normalised = time[rows], values[rows], normalised[rows]
+    return Innovations(*measured, time, values, normalised, square[rows], ratio[rows], source)
 
 
 def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:

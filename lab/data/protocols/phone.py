@@ -35,22 +35,12 @@ _TOGETHER = 6
 
 
 class PhoneLines(Framing):
-    """Framing of the lines.
-
-    Parameters
-    ----------
-    negated
-        Whether the phone negates the specific force; None to find out.
-    unit
-        Of the phone's angular rates, ``"deg/s"`` or ``"rad/s"``; None for what it states.
-    """
+    """Framing of the lines."""
 
     first = HEAD[:1]
     longest = LONGEST
 
-    def __init__(self, negated: bool | None = None, unit: str | None = None) -> None:
-        self.negated = negated
-        self.unit = unit
+    def __init__(self) -> None:
         self._turning = Turning()
         self._found: bool | None = None
         self._apple = False
@@ -62,9 +52,7 @@ class PhoneLines(Framing):
 
     @property
     def negates(self) -> bool:
-        """Whether the forces of the phone are negated: as corrected, as found, or as its maker does."""
-        if self.negated is not None:
-            return self.negated
+        """Whether the forces of the phone are negated: as found, or as its maker does."""
         return self._apple if self._found is None else self._found
 
     @property
@@ -79,14 +67,7 @@ class PhoneLines(Framing):
         else:
             along = self._along / self._seen
             why = f"Gravity reads {along:+.1f} m/s² along the direction that the phone's attitude calls up"
-        if self.negated is not None and self.negated != self._found:
-            done += ", as you asked"
         return f"{why}: {done}.{self._turning.evidence}"
-
-    @property
-    def rate_factor(self) -> float:
-        """As of `PhoneDecoder`."""
-        return self._turning.factor
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the line that begins at a place, with its end; `MORE` or `NONE`."""
@@ -116,7 +97,7 @@ class PhoneLines(Framing):
         later = line.origin - self._origin
         self._weigh(line)
         sign = -1.0 if self.negates else 1.0
-        unit = math.pi / 180 if (self.unit or line.unit) == DEGREES else 1.0
+        unit = math.pi / 180 if line.unit == DEGREES else 1.0
         self._turning.add(line, unit)
         for number, (time, rx, ry, rz, fx, fy, fz) in enumerate(line.imu):
             count = line.first + number if line.first >= 0 else -1
@@ -156,38 +137,16 @@ class PhoneLines(Framing):
 
 
 class PhoneDecoder(StreamDecoder):
-    """Decodes the lines of a phone; a `Decoder`.
+    """Decodes the lines of a phone; a `Decoder`."""
 
-    Parameters
-    ----------
-    negated
-        Whether the phone negates the specific force; None to find out.
-    unit
-        Of the phone's angular rates, ``"deg/s"`` or ``"rad/s"``; None for what it states.
-    """
-
-    def __init__(self, negated: bool | None = None, unit: str | None = None) -> None:
-        self._lines = PhoneLines(negated, unit)
+    def __init__(self) -> None:
+        self._lines = PhoneLines()
         super().__init__("phone", (self._lines,))
-
-    @property
-    def negated(self) -> bool | None:
-        """The correction: whether the phone negates the specific force; None to find out."""
-        return self._lines.negated
-
-    @negated.setter
-    def negated(self, negated: bool | None) -> None:
-        self._lines.negated = negated
 
     @property
     def evidence(self) -> str:
         """What shows the sign of the specific force, and the unit of angular rates, in sentences."""
         return self._lines.evidence
-
-    @property
-    def rate_factor(self) -> float:
-        """Turns of the phone's attitude by those of its angular rates; NaN before it turned. 1 is right."""
-        return self._lines.rate_factor
 
 
 def _dot(force: Vector, up: Vector) -> float:

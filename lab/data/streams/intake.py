@@ -60,8 +60,6 @@ class Counts(NamedTuple):
     used, unusable, late, repeated, spikes : int
         Rows used; without finite time, rate or force; not later than the row before; repeating its values;
         with a spike.
-    marked : int
-        Rows that the source marked as following missing ones.
     gaps, filled, breaks : int
         Gaps that were filled, the samples that fill them, and gaps too long for that.
     """
@@ -71,7 +69,6 @@ class Counts(NamedTuple):
     late: int = 0
     repeated: int = 0
     spikes: int = 0
-    marked: int = 0
     gaps: int = 0
     filled: int = 0
     breaks: int = 0
@@ -219,11 +216,7 @@ class Intake:
             wide |= np.diff(np.searchsorted(self._dropped, time)) > 0
             self._dropped = self._dropped[self._dropped > time[-1]]
         broken = np.flatnonzero(wide & ((dt > LIMITS.longest_filled) | (dt > MOST_FILLED * usual)))
-        self._count(
-            used=rows.size - (not begins),
-            marked=int(rows["gap"][0 if begins else 1 :].sum()),
-            breaks=broken.size,
-        )
+        self._count(used=rows.size - (not begins), breaks=broken.size)
         first = 0
         for end in (*(broken + 1).tolist(), rows.size):
             if end - first > 1 or begins:
