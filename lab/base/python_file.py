@@ -11,14 +11,15 @@ import sys
 import traceback
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 
 class PythonFileError(ValueError):
     """What was named cannot be loaded; the message says why and where, and what is accepted."""
 
 
-def load_object(place: str, form: str, method: str, listed: str) -> tuple[object, str]:
-    """Return the object that a place names, and what else could be named there.
+def load_object(place: str, form: str, call: str, listed: str) -> Any:
+    """Return the object with a method that a place names.
 
     Parameters
     ----------
@@ -26,23 +27,17 @@ def load_object(place: str, form: str, method: str, listed: str) -> tuple[object
         ``FILE.py:Name``. The name is that of a class, called without arguments, or of a ready object.
     form
         How a place is written, with an example, for messages.
-    method
-        Method by which objects that could be meant are known.
+    call
+        The method that it must have, as it is called, such as ``"feed(data)"``.
     listed
-        What their list begins with in a message, such as ``"algorithms in the file"``.
-
-    Returns
-    -------
-    found : object
-        The object.
-    offered : str
-        The names in the file with such a method, to be added to a message; empty if there are none.
+        What the list of such objects begins with in a message, such as ``"algorithms in the file"``.
 
     Raises
     ------
     PythonFileError
-        If there is no such file or name, or if the file or the class fails.
+        If there is no such file or name, if the file or the class fails, or if the object has no such method.
     """
+    method = call.partition("(")[0]
     file, colon, name = place.rpartition(":")
     if not colon or not name.isidentifier() or not file.endswith(".py"):
         raise PythonFileError(f"{place!r}: accepted is {form}")
@@ -58,7 +53,9 @@ def load_object(place: str, form: str, method: str, listed: str) -> tuple[object
             raise PythonFileError(
                 f"{place}: called without arguments, it fails: {described(error)}"
             ) from error
-    return found, names
+    if not callable(getattr(found, method, None)):
+        raise PythonFileError(f"{place}: is of type {type(found).__name__}, without a method {call}{names}")
+    return found
 
 
 def described(error: BaseException) -> str:

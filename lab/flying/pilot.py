@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 
-from lab.flying.aircraft import Aircraft
 from lab.flying.flight_plan import FlightPlan
 from lab.flying.manoeuvres import (
     WORDS,
@@ -75,11 +74,18 @@ class Pilot:
         Time between two looks at the instruments [s].
     controls : Controls
         Where the controls are at the start.
+
+    Attributes
+    ----------
+    aircraft : Aircraft
+        The aircraft as the pilot knows it.
+    airborne : bool
+        True once the nose was raised for take-off and the wheels left the ground.
     """
 
     def __init__(self, plan: FlightPlan, period: float, controls: Controls) -> None:
         aircraft = plan.flown_with
-        self._aircraft, self._gains = aircraft, aircraft.gains
+        self.aircraft, self._gains = aircraft, aircraft.gains
         self._plan = plan
         self._steps = [
             (number, step) for number, one in enumerate(plan.manoeuvres, 1) for step in single_turns(one)
@@ -107,7 +113,7 @@ class Pilot:
         self._elevator_trim = 0.0
         self._aileron_trim = 0.0
         self._throttle_trim = 0.6
-        self._flying = plan.air_start is not None
+        self.airborne = plan.air_start is not None
 
     @property
     def manoeuvre(self) -> str:
@@ -115,16 +121,6 @@ class Pilot:
         number = self._steps[self._number][0]
         manoeuvres = self._plan.manoeuvres
         return f"{number} of {len(manoeuvres)} ({WORDS[type(manoeuvres[number - 1])]})"
-
-    @property
-    def aircraft(self) -> Aircraft:
-        """The aircraft as the pilot knows it."""
-        return self._aircraft
-
-    @property
-    def airborne(self) -> bool:
-        """True once the nose was raised for take-off and the wheels left the ground."""
-        return self._flying
 
     @property
     def on_last_manoeuvre(self) -> bool:
@@ -152,7 +148,7 @@ class Pilot:
             self._begin(self._step, seen)
         self._track_heading(seen)
         step = self._step
-        if isinstance(step, TakeOff) and not self._flying:
+        if isinstance(step, TakeOff) and not self.airborne:
             self._roll_down_the_runway(step, time, seen)
         else:
             self._hold_bank(seen)
@@ -204,7 +200,7 @@ class Pilot:
 
     def _take_over(self, seen: Instruments) -> None:
         """Fly on as trimmed, where the flight starts in the air."""
-        if self._flying:
+        if self.airborne:
             self._height, self._airspeed = seen.height, seen.airspeed
             self._pitch = self._pitch_trim = seen.pitch
             self._throttle_trim = self._controls.throttle
@@ -217,10 +213,10 @@ class Pilot:
                 self._height, self._pitch = step.height_m + 60.0, seen.pitch
             case ChangeHeight():
                 self._height = step.height_m
-                self._rate_limit = self._aircraft.rate if step.rate_m_s is None else step.rate_m_s
-                self._airspeed = self._aircraft.airspeed if step.airspeed_m_s is None else step.airspeed_m_s
+                self._rate_limit = self.aircraft.rate if step.rate_m_s is None else step.rate_m_s
+                self._airspeed = self.aircraft.airspeed if step.airspeed_m_s is None else step.airspeed_m_s
             case Level():
-                stopping = self._rate * abs(self._rate) / (2 * self._aircraft.climb_acceleration)
+                stopping = self._rate * abs(self._rate) / (2 * self.aircraft.climb_acceleration)
                 self._height = seen.height + stopping
             case ChangeSpeed():
                 self._airspeed = step.airspeed_m_s
@@ -245,7 +241,7 @@ class Pilot:
         elapsed = time - self._begun_at
         match step:
             case TakeOff():
-                done = self._flying and seen.height >= step.height_m
+                done = self.airborne and seen.height >= step.height_m
             case ChangeHeight():
                 done = elapsed >= step.seconds or abs(seen.height - step.height_m) < _HEIGHT_REACHED
             case Level():
@@ -274,14 +270,14 @@ class Pilot:
         self._move("steering", _clip(wheel * (8.0 * error - 3.0 * seen.yaw_rate), -1, 1), lag=0.15)
         self._move("rudder", _clip(2.0 * error - 1.0 * seen.yaw_rate, -1, 1), lag=0.15)
         self._move("aileron", _clip(-1.5 * seen.roll - 0.5 * seen.roll_rate, -0.5, 0.5), lag=0.15)
-        rotation = self._aircraft.rotation if take_off.rotation_m_s is None else take_off.rotation_m_s
+        rotation = self.aircraft.rotation if take_off.rotation_m_s is None else take_off.rotation_m_s
         assert rotation is not None  # a plan with a take-off has an aircraft that takes off
         if seen.airspeed >= rotation:
             self._pitch = min(
-                self._pitch + _PITCH_RATE_AT_ROTATION * self._period, self._aircraft.climb_out_pitch
+                self._pitch + _PITCH_RATE_AT_ROTATION * self._period, self.aircraft.climb_out_pitch
             )
         if seen.height > _LIFTED and not seen.on_ground:
-            self._flying = True
+            self.airborne = True
             self._controls.steering = 0.0
             self._controls.gear_down = False
             self._rate = max(seen.climb_rate, 0.0)
@@ -317,7 +313,7 @@ class Pilot:
         return self._skid
 
     def _hold_climb(self, seen: Instruments) -> None:
-        above, acceleration = self._height - seen.height, self._aircraft.climb_acceleration
+        above, acceleration = self._height - seen.height, self.aircraft.climb_acceleration
         # As far from the height as the rate can still be taken off at most of the acceleration.
         stopping = math.sqrt(1.6 * acceleration * abs(above))
         wanted = _clip(0.2 * above, -stopping, stopping)
@@ -326,7 +322,7 @@ class Pilot:
         self._rate += _clip(wanted - self._rate, -change, change)
         airspeed = max(seen.airspeed, _SLOWEST)
         error = (self._rate - seen.climb_rate) / airspeed
-        slow = max(self._aircraft.slowest - seen.airspeed, 0.0)
+        slow = max(self.aircraft.slowest - seen.airspeed, 0.0)
         self._pitch_trim = _clip(self._pitch_trim + (0.25 * error - 0.02 * slow) * self._period, -0.15, 0.2)
         pitch = self._rate / airspeed + self._pitch_trim + 0.5 * error
         self._pitch = _clip(pitch, math.radians(-10), math.radians(14))
@@ -334,7 +330,7 @@ class Pilot:
     def _hold_pitch(self, seen: Instruments) -> None:
         error = self._pitch - seen.pitch
         pitch_rate = seen.pitch_rate * math.cos(seen.roll) - seen.yaw_rate * math.sin(seen.roll)
-        if self._flying:
+        if self.airborne:
             self._elevator_trim = _clip(self._elevator_trim - 0.8 * error * self._period, -0.6, 0.6)
         elevator = self._elevator_trim - 2.0 * error + 0.8 * pitch_rate
         self._move("elevator", _clip(self._gains.elevator * elevator, -1, 1), lag=0.1)

@@ -231,14 +231,9 @@ def load_algorithm(place: str) -> Algorithm:
         `navigate`.
     """
     try:
-        found, offered = load_object(place, FORM, "navigate", "algorithms in the file")
+        found: Algorithm = load_object(place, FORM, "navigate(imu, fixes, start)", "algorithms in the file")
     except PythonFileError as error:
         raise AlgorithmError(str(error)) from (error.__cause__ or error)
-    if not isinstance(found, Algorithm) or not callable(found.navigate):
-        raise AlgorithmError(
-            f"{place}: is of type {type(found).__name__}, without a method navigate(imu, fixes, start)"
-            f"{offered}"
-        )
     return found
 
 

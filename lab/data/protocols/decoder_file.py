@@ -91,14 +91,9 @@ def load_decoder(place: str) -> Decoder:
         `feed`.
     """
     try:
-        found, offered = load_object(place, FORM, "feed", "decoders in the file")
+        return OwnDecoder(place, load_object(place, FORM, "feed(data)", "decoders in the file"))
     except PythonFileError as error:
         raise DecoderError(str(error)) from (error.__cause__ or error)
-    if not callable(getattr(found, "feed", None)):
-        raise DecoderError(
-            f"{place}: is of type {type(found).__name__}, without a method feed(data){offered}"
-        )
-    return OwnDecoder(place, found)
 
 
 def _kind(value: object) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import astuple
+from operator import add
 
 import numpy as np
 
@@ -68,7 +70,7 @@ class StreamDetector:
     def statistics(self) -> Statistics:
         """What the decoders have seen, since the beginning."""
         now = self.decoder.statistics if self.decoder else Statistics(self._held)
-        return Statistics(*(a + b for a, b in zip(_counts(self._before), _counts(now), strict=True)))
+        return Statistics(*map(add, astuple(self._before), astuple(now)))
 
     @property
     def described(self) -> str:
@@ -170,10 +172,3 @@ class StreamDetector:
             return False
         self.protocol, self.evidence = found[0].name, found[0].evidence
         return True
-
-
-def _counts(statistics: Statistics) -> tuple[int, ...]:
-    return (
-        statistics.bytes, statistics.frames, statistics.skipped, statistics.failed, statistics.unknown,
-        statistics.refused,
-    )  # fmt: skip

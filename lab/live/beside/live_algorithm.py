@@ -145,13 +145,9 @@ def load_live_algorithm(place: str) -> LiveAlgorithm:
         If the file or the name does not exist, fails, or has no method `step`.
     """
     try:
-        found, offered = load_object(place, FORM, "step", "live algorithms in the file")
+        found: LiveAlgorithm = load_object(place, FORM, "step(imu, fixes)", "live algorithms in the file")
     except PythonFileError as error:
         raise LiveAlgorithmError(str(error)) from (error.__cause__ or error)
-    if not isinstance(found, LiveAlgorithm) or not callable(found.step):
-        raise LiveAlgorithmError(
-            f"{place}: is of type {type(found).__name__}, without a method step(imu, fixes){offered}"
-        )
     return found
 
 

@@ -69,26 +69,30 @@ def outlet_of(destination: Destination) -> Outlet:
     return (Listener if destination.kind == "tcp" else WebSocket)(destination, write)
 
 
-class Datagrams:
-    """A datagram for each row; nobody need listen."""
+class _Counting:
+    """Counts rows; how many programs read them is not known."""
 
     refused: Sequence[str] = ()
+    _sent = _lost = 0
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """As of `Outlet`."""
+        return self._sent, self._lost, 0
+
+
+class Datagrams(_Counting):
+    """A datagram for each row; nobody need listen."""
 
     def __init__(self, destination: Destination, write: Callable[[SentSolution], bytes]) -> None:
         self._destination, self._write = destination, write
         self._socket: socket.socket | None = None
         self._to: Any = None
-        self._sent = self._lost = 0
 
     @property
     def place(self) -> str:
         """Where the datagrams go."""
         return f"datagrams to {self._to[0]}, port {self._to[1]}"
-
-    @property
-    def counts(self) -> tuple[int, int, int]:
-        """As of `Outlet`; how many read is not known."""
-        return self._sent, self._lost, 0
 
     async def open(self) -> None:
         """Find the computer."""
@@ -117,25 +121,17 @@ class Datagrams:
             self._socket.close()
 
 
-class TerminalOutlet:
+class TerminalOutlet(_Counting):
     """A pseudo-terminal, which is read like a serial port."""
-
-    refused: Sequence[str] = ()
 
     def __init__(self, write: Callable[[SentSolution], bytes]) -> None:
         self._write, self._line = write, PseudoTerminal()
         self._rest = b""  # of a row that was written in part
-        self._sent = self._lost = 0
 
     @property
     def place(self) -> str:
         """The name of the port."""
         return f"the serial port {self._line.address.removeprefix('serial:')}"
-
-    @property
-    def counts(self) -> tuple[int, int, int]:
-        """As of `Outlet`; how many read is not known."""
-        return self._sent, self._lost, 0
 
     async def open(self) -> None:
         """Make the port."""
@@ -161,26 +157,18 @@ class TerminalOutlet:
         self._line.unplug()
 
 
-class FileOutlet:
+class FileOutlet(_Counting):
     """An MCAP file."""
-
-    refused: Sequence[str] = ()
 
     def __init__(self, destination: Destination) -> None:
         self._path = destination.path
         self._file: McapFile | None = None
-        self._sent = self._lost = 0
         self._failure = ""
 
     @property
     def place(self) -> str:
         """The file."""
         return f"the file {self._path}{self._failure}"
-
-    @property
-    def counts(self) -> tuple[int, int, int]:
-        """As of `Outlet`."""
-        return self._sent, self._lost, 0
 
     async def open(self) -> None:
         """Make the file."""

@@ -108,6 +108,10 @@ class SimulatedDevice:
         Bytes that nobody read, or that were on a line that broke.
     latest : float
         Longest time by which bytes came late, without its being told to [s].
+    plugged : bool
+        Whether the line is there.
+    begun : float
+        The host's monotonic clock at the start of the flight [s]; NaN before it.
 
     Parameters
     ----------
@@ -146,7 +150,7 @@ class SimulatedDevice:
         self._encoder = encoder_of(encoder) if isinstance(encoder, str) else encoder
         self._endless = endless
         self._link = link
-        self._plugged = False
+        self.plugged = False
         self._back = np.inf  # when it is plugged in again, by the host's clock [s]
         self._lock = threading.Lock()  # of the line, and of what waits
         self._ending = threading.Event()
@@ -159,7 +163,7 @@ class SimulatedDevice:
         self._reading = flight.reading.copy()
         self._reading["time"] *= 1 + self.misbehaviour.drift
         self._due_reading = flight.reading["time"] + FIX_DELAY
-        self._begin = float("nan")
+        self.begun = float("nan")
         self._thread = threading.Thread(target=self._run, name="simulated device", daemon=True)
 
     def __enter__(self) -> Self:
@@ -173,11 +177,6 @@ class SimulatedDevice:
     def address(self) -> str:
         """The address that opens its line, as long as it is plugged."""
         return self._link.address
-
-    @property
-    def plugged(self) -> bool:
-        """Whether the line is there."""
-        return self._plugged
 
     @property
     def finished(self) -> bool:
@@ -196,12 +195,7 @@ class SimulatedDevice:
     @property
     def time(self) -> float:
         """Time of the flight [s]."""
-        return max(0.0, time.monotonic() - self._begin) if np.isfinite(self._begin) else 0.0
-
-    @property
-    def begun(self) -> float:
-        """The host's monotonic clock at the start of the flight [s]."""
-        return self._begin
+        return max(0.0, time.monotonic() - self.begun) if np.isfinite(self.begun) else 0.0
 
     def start(self) -> None:
         """Plug in, and begin to send."""
@@ -211,16 +205,16 @@ class SimulatedDevice:
     def plug(self) -> None:
         """Make the line, again after `unplug`; the flight has gone on."""
         with self._lock:
-            if not self._plugged:
+            if not self.plugged:
                 self._link.plug()
-                self._plugged, self._back = True, np.inf
+                self.plugged, self._back = True, np.inf
 
     def unplug(self, seconds: float = np.inf) -> None:
         """Break the line for a time [s], as when the plug is pulled; the flight goes on."""
         with self._lock:
-            if self._plugged:
+            if self.plugged:
                 self._link.unplug()
-                self._plugged, self._back = False, time.monotonic() + seconds
+                self.plugged, self._back = False, time.monotonic() + seconds
                 self._forget()
 
     def close(self) -> None:
@@ -232,7 +226,7 @@ class SimulatedDevice:
 
     def _run(self) -> None:
         # The line needs a reader before the first sample, or the sample would be lost.
-        self._begin = time.monotonic()
+        self.begun = time.monotonic()
         step = max(1 / self.flight.rate, TICK)
         before = 0  # samples of the rounds before
         sent_fixes, sent_readings, held = 0, 0, 0.0
@@ -240,7 +234,7 @@ class SimulatedDevice:
             if time.monotonic() >= self._back:
                 with contextlib.suppress(OSError):  # the port may be taken: it is tried again
                     self.plug()
-            now = time.monotonic() - self._begin
+            now = time.monotonic() - self.begun
             with self._lock:
                 if now >= held:
                     if self._endless and self.sent - before == len(self._imu):
@@ -290,12 +284,12 @@ class SimulatedDevice:
             places = np.flatnonzero(self._rng.random(len(stream)) < part)
             stream[places] ^= self._rng.integers(1, 256, len(places), dtype=np.uint8)
             data = stream.tobytes()
-        if self._plugged:
+        if self.plugged:
             self._waiting.append((due, data))
 
     def _deliver(self, now: float) -> None:
         """Write what waits as far as there is room, at a time of the flight [s]; the lock is held."""
-        if not self._plugged:
+        if not self.plugged:
             return
         while self._waiting:
             due, data = self._waiting.popleft()
