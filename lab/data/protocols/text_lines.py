@@ -51,8 +51,10 @@ _REMEMBERED = 9
 _WRAPS = {"ms": 2**32, "µs": 2**32, CLOCK: 86_400}
 """Where the counters of microcontrollers start again, and the time of day."""
 _ENDS = re.compile(rb"\r\n|\r|\n")
-_CHECKED = re.compile(r"([!-)+-~ ]*)\*([0-9A-Fa-f]{2})\s*")
+_CHECKED = re.compile(r"(\$[ -)+-~]*)\*([0-9A-Fa-f]{2})\s*")
 """A line with the check of NMEA."""
+_OF_IMU = re.compile(r"(?i)\$[A-Z]{0,8}(?:IMU|INS|ACC|GYR|AHRS|MEMS|SENS|CHRS)")
+"""Begin of such lines that are read: those of receivers are full of numbers, too."""
 _PIECE = 2**16  # bytes decoded at once
 
 
@@ -171,9 +173,11 @@ class TextLines:
         if "\x1b" in text:
             text = text_cells.without_colours(text)
         if text[:1] == "$" and (checked := _CHECKED.fullmatch(text)):
-            if int(checked[2], 16) != xor8(checked[1].encode()[1:]):
-                self.statistics.failed += 1
+            is_sound = int(checked[2], 16) == xor8(checked[1].encode()[1:])
+            self.statistics.failed += not is_sound
+            if not is_sound or not (self._map or self._said or _OF_IMU.match(text)):
                 self.statistics.skipped += len(line)
+                self.last.append(text)
                 return
             text = checked[1]
         if not self._whole and _begins_with_number(text):

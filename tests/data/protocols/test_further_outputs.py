@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from further_outputs import COUNT, FORMS, NOTHING, RATE, Form, motion, printed
+from further_outputs import COUNT, FORMS, NOTHING, RATE, Form, checked, motion, printed
 
 from lab.data.protocols.recognition import recognise, sound_frames
 from lab.data.protocols.text_lines import TextLines
@@ -142,3 +142,19 @@ def test_a_line_with_a_wrong_check_is_not_read():
     imu = decoder.feed("".join(lines).encode()).imu
     assert len(imu) == COUNT - 1
     np.testing.assert_allclose(imu["force"], np.delete(force, 100, axis=0), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "sentences",
+    [
+        (
+            "GPGSV,3,1,11,03,03,111,00,04,15,270,00,06,01,010,00,13,06,292,00",
+            "GNGSA,A,1,,,,,,,,,,,,,9.9,9.9,9.9",
+        ),
+        ("PUBX,00,1020{n:02}.00,4718.{n:04},N,00830.1,E,430.1,G3,2.1,2.0,1.0,45.0,0.1,,0.9,1.0,0.8,9,0,0",),
+    ],
+)
+def test_sentences_of_a_receiver_are_no_imu(sentences):
+    """They have checks and many numbers; only lines whose name says that they are of an IMU are read so."""
+    lines = [f"${one.format(n=n)}*hh" for n in range(59) for one in sentences]
+    assert not recognise(checked("\n".join(lines)).encode())
