@@ -64,11 +64,6 @@ class Reader:
     is_guessed: bool = False
 
 
-def _is_other_table(head: bytes) -> bool:
-    """Return whether a file is a table with named columns, and of no format with a reader of its own."""
-    return sensor_csv.recognises(head) and not any(one.recognises(head) for one in READERS[:-1])
-
-
 READERS: tuple[Reader, ...] = (
     Reader(own_csv.NAME, own_csv.recognises, own_csv.read),
     Reader(xplane_data.NAME, xplane_data.recognises, xplane_data.read),
@@ -114,9 +109,11 @@ READERS: tuple[Reader, ...] = (
         mavlink_file.read_log,
         read_imu=mavlink_file.read_imu,
     ),
-    Reader(sensor_csv.NAME, _is_other_table, sensor_csv.read, sensor_csv.read_log, sensor_csv.read_logs),
+    Reader(
+        sensor_csv.NAME, sensor_csv.recognises, sensor_csv.read, sensor_csv.read_log, sensor_csv.read_logs
+    ),
 )
-"""All readers; at most one recognises a file."""
+"""All readers. Of all but the last, at most one recognises a file; the last has the tables that are left."""
 
 
 _COPIED_BYTES = 2**20

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -134,3 +134,16 @@ def cause(factor: float, kind: str) -> str:
     if reversed_:
         return f"{words}, and {reversed_}"
     return words if unit else f"{words} or column"
+
+
+def rms(values: FloatArray | ComplexArray, axis: int | None = None) -> Any:
+    """Return the root mean square of the sizes of numbers, of all or along an axis.
+
+    Parameters
+    ----------
+    values : array
+        The numbers.
+    axis
+        The axis; None for all numbers.
+    """
+    return np.sqrt(np.mean(np.abs(values) ** 2, axis=axis))

@@ -14,7 +14,7 @@ import numpy as np
 from lab.base.arrays import ComplexArray, FloatArray
 from lab.base.parameters.units import DEGREE
 from lab.data.checks import limits
-from lab.data.checks.likeness import UNITS, Likeness, likeness
+from lab.data.checks.likeness import UNITS, Likeness, likeness, rms
 from lab.motion.frames import ecef
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
@@ -124,7 +124,7 @@ def legs_of(time: FloatArray, position: FloatArray, velocity_n: FloatArray) -> L
 
 
 def _horizontal(legs: Legs) -> PathFound | None:
-    sizes = _rms(legs.moved), _rms(legs.gone)
+    sizes = rms(legs.moved), rms(legs.gone)
     if max(sizes) < limits.LOG.displacement:
         return None
     like = likeness(legs.gone, legs.moved, centred=False)
@@ -141,7 +141,7 @@ def _horizontal(legs: Legs) -> PathFound | None:
 
 
 def _vertical(risen: FloatArray, climbed: FloatArray) -> PathFound | None:
-    if min(_rms(risen), _rms(climbed)) < limits.LOG.vertical_displacement:
+    if min(rms(risen), rms(climbed)) < limits.LOG.vertical_displacement:
         return None
     like = likeness(climbed, risen, centred=False)
     if like.coherence < limits.LOG.incoherent:
@@ -178,7 +178,3 @@ def _cause(factor: float, *, heights: bool = False) -> str:
     near = min(words, key=lambda unit: abs(np.log(factor / unit)))
     is_near = abs(np.log(factor / near)) < np.log(limits.LOG.displacement_unit_ratio)
     return words[near] if is_near else "a wrong unit of position, velocity or time is likely"
-
-
-def _rms(values: FloatArray | ComplexArray) -> float:
-    return float(np.sqrt(np.mean(np.abs(values) ** 2)))

@@ -11,6 +11,7 @@ import itertools
 import re
 from array import array
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -39,9 +40,8 @@ _MAX_PAUSE = 3600.0
 """Longest pause between segments of one track [s]."""
 
 
-def recognises(head: bytes) -> bool:
-    """Return whether a file starts like GPX."""
-    return has_root(head, _ROOT)
+recognises = partial(has_root, root=_ROOT)
+"""Return whether a file starts like GPX."""
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +36,8 @@ _MAX_NAMES, _MAX_NAME = 10, 40
 _ACCEPTED = "accepted is KML with a track of times and places (gx:Track), or with points that have times"
 
 
-def recognises(head: bytes) -> bool:
-    """Return whether a file starts like KML."""
-    return has_root(head, _ROOT)
+recognises = partial(has_root, root=_ROOT)
+"""Return whether a file starts like KML."""
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

@@ -21,11 +21,9 @@ def recognises(head: bytes) -> bool:
 
     Other programs use some of the names: such a file is a csv with named columns.
     """
-    lines = (part for line in head.split(b"\n") for part in line.decode("utf-8", "replace").splitlines())
-    for line in lines:
+    for line in head.decode("utf-8", "replace").splitlines():
         if line.strip() and not line.lstrip("\ufeff").startswith("#"):
-            cells = {cell.strip() for cell in line.lstrip("\ufeff").replace(";", ",").split(",")}
-            return cells >= _NAMES
+            return _NAMES.issubset(map(str.strip, line.lstrip("\ufeff").replace(";", ",").split(",")))
     return False
 
 

@@ -21,7 +21,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -128,7 +128,7 @@ class Profile:
 
     def fits(self, names: AbstractSet[str]) -> bool:
         """Return whether a file with some headings, as `plain` gives them, has this profile."""
-        return all(not need.isdisjoint(names) for need in self.needed)
+        return not any(map(names.isdisjoint, self.needed))
 
     def missing(self, headings: Sequence[str]) -> list[str]:
         """Return the needs that no heading of a file meets, in words."""
@@ -136,10 +136,10 @@ class Profile:
         needs = zip(self.needs, self.needed, strict=False)
         return [" or ".join(need) for need, spelled in needs if spelled.isdisjoint(names)]
 
-    def may_head(self, line: str) -> bool:
-        """Return whether a line has the letters of all needs: quicker than its cells."""
-        letters = plain(line)
-        return all(any(name in letters for name in need) for need in self.needed)
+    def may_head(self, text: str) -> bool:
+        """Return whether a text has the letters of all needs: quicker than its cells."""
+        holds = plain(text).__contains__
+        return all(any(map(holds, need)) for need in self.needed)
 
     def _spellings(self, heading: str) -> Iterator[str]:
         """Yield what a heading may be; a path has something before and after it, or not."""
@@ -224,6 +224,7 @@ def own_folder() -> Path:
     return user_data_path("ins-lab", appauthor=False) / "profiles"
 
 
+@cache
 def shipped_profiles() -> tuple[Profile, ...]:
     """Return the profiles that ship with the lab."""
     return _of_folder(SHIPPED, _listing(SHIPPED))

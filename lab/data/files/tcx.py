@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,8 @@ _ROOT = re.compile(rb"<(?:[A-Za-z]\w{0,30}:)?TrainingCenterDatabase[\s>]")
 _OF_A_POINT = {"LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters"}
 
 
-def recognises(head: bytes) -> bool:
-    """Return whether a file starts like TCX."""
-    return has_root(head, _ROOT)
+recognises = partial(has_root, root=_ROOT)
+"""Return whether a file starts like TCX."""
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

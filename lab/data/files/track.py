@@ -156,7 +156,8 @@ class Track:
             self._keep(kept, whole, "without an attitude")
         elif whole is not None and whole.any():
             remarks.append("The attitude is not used: it is known at too few points.")
-        self._refuse_if_too_few(kept)
+        if kept.sum() < MIN_SAMPLES:
+            raise MissionError(self._too_few(int(kept.sum())))
         velocity = None
         if has_velocity:
             angle, speed = np.radians(course[kept]), self.speed[kept]
@@ -194,12 +195,10 @@ class Track:
         """Return whether a quantity is known at nearly all points."""
         return bool(kept.any() and np.isfinite(values[kept]).mean() >= _MIN_KNOWN)
 
-    def _refuse_if_too_few(self, kept: NDArray[np.bool_]) -> None:
-        if kept.sum() >= MIN_SAMPLES:
-            return
+    def _too_few(self, count: int) -> str:
         why = listed((*self.dropped, *self._lost))
-        raise MissionError(
-            f"{self.path}: {kept.sum()} of {self.rows_read} points can be used{f' ({why})' if why else ''}; "
+        return (
+            f"{self.path}: {count} of {self.rows_read} points can be used{f' ({why})' if why else ''}; "
             f"accepted is a track of at least {MIN_SAMPLES} points with time and position"
         )
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from operator import methodcaller
 from pathlib import Path
 
 import numpy as np
@@ -53,9 +54,8 @@ _HEADING_SIGMAS = (1e-4, np.pi)
 """σ of a heading that are believed [rad]."""
 
 
-def recognises(head: bytes) -> bool:
-    """Return whether a file starts like a ULog."""
-    return head.startswith(MAGIC)
+recognises = methodcaller("startswith", MAGIC)
+"""Return whether a file starts like a ULog."""
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

@@ -76,16 +76,14 @@ _VEHICLES = (
     Vehicle("rocket", np.inf, "rocket"),
 )
 """The kinds of vehicles, and σ of heading minus course [rad], each for the reason above it."""
+_BY_WORD = {word: one for one in _VEHICLES for word in (one.name, *one.words)}
 VEHICLES = tuple(one.name for one in _VEHICLES)
 """Names that are accepted."""
 
 
 def vehicle_of(name: str) -> Vehicle:
     """Return a kind of vehicle by its name or a word for it; an unknown one for other words."""
-    for one in _VEHICLES:
-        if name in (one.name, *one.words):
-            return one
-    return Vehicle(UNKNOWN, _VEHICLES[0].sideslip, _VEHICLES[0].flight)
+    return _BY_WORD.get(name) or Vehicle(UNKNOWN, _VEHICLES[0].sideslip, _VEHICLES[0].flight)
 
 
 def vehicle_in(text: str) -> Vehicle:
@@ -94,7 +92,7 @@ def vehicle_in(text: str) -> Vehicle:
     The name of a type of aircraft, such as Caravan, names none.
     """
     said = f" {' '.join(re.findall('[a-z]+', text.casefold()))} "
-    for one in _VEHICLES:
-        if any(f" {word} " in said for word in (one.name, *one.words)):
+    for word, one in _BY_WORD.items():
+        if f" {word} " in said:
             return one
     return vehicle_of(UNKNOWN)

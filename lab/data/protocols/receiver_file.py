@@ -121,11 +121,11 @@ def recognises_ubx(head: bytes) -> bool:
 
 def _holds(head: bytes, begin: re.Pattern[bytes], made: Callable[[], Framing]) -> bool:
     """Return whether a sound frame begins where a pattern does."""
-    starts = [found.start() for found in itertools.islice(begin.finditer(head), _TRIED)]
-    if not starts:
+    if begin.search(head) is None:
         return False
     data, framing = bytearray(head), made()
-    for at in starts:
+    for found in itertools.islice(begin.finditer(head), _TRIED):
+        at = found.start()
         size = framing.size(data, at)
         if 0 < size <= len(head) - at and framing.passes(head[at : at + size]):
             return True

@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
 from lab.data.checks import limits
+from lab.data.checks.likeness import rms
 from lab.data.rebuild.derived_motion import body_rates, euler_at, roughness
 from lab.data.rebuild.plausibility import (
     IMPLAUSIBLE,
@@ -155,7 +156,7 @@ def report(
     sensor
         An IMU to compare the noise of the recording with.
     """
-    force, rate = _fast_force(flight, rebuilt), _fast_rate(flight, rebuilt)
+    force, rate = _fast_parts(flight, rebuilt)
     seen, in_fewer = _thinned(flight, rebuilt)
     moves = motion(in_fewer)
     doubts = (FlightFinding(QUESTIONABLE, sentence) for sentence in raw.doubts)
@@ -176,24 +177,24 @@ def report(
     return ImportReport(verdict, found, tuple(rows), force, rate)
 
 
+_WORDS = {
+    "velocity_n": "velocity", "euler": "attitude", "body_rate": "body rates",
+    "acceleration_b": "acceleration", "alpha": "angle of attack", "beta": "sideslip",
+}  # fmt: skip
+"""Quantities of a raw flight, in words."""
+
+
 def _file(raw: RawFlight, flight: RepairedFlight) -> list[ReportRow]:
     rows = [
         ReportRow("File", "Format", raw.format),
         ReportRow(
             "File", "Samples", f"{raw.rows_read or len(raw.time)} rows read, {len(flight.raw.time)} used"
         ),
-        ReportRow("File", "Quantities", _listed(raw)),
+        ReportRow("File", "Quantities", ", ".join(_WORDS.get(name, name) for name in raw.quantities)),
     ]
     rows += [_left_out(f"{one.count} × {one.reason} (first: row {one.first_row})") for one in raw.dropped]
     rows += [_left_out(f"{one.count} × {one.reason}") for one in flight.dropped]
     return rows
-
-
-def _listed(raw: RawFlight) -> str:
-    words = {"velocity_n": "velocity", "euler": "attitude", "body_rate": "body rates"} | {
-        "acceleration_b": "acceleration", "alpha": "angle of attack", "beta": "sideslip",
-    }  # fmt: skip
-    return ", ".join(words.get(name, name) for name in raw.quantities)
 
 
 def _left_out(text: str) -> ReportRow:
@@ -344,13 +345,12 @@ def _noise(flight: RepairedFlight, force: float, rate: float, sensor: SensorNois
 def _thinned(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[RepairedFlight, Reconstruction]:
     """Return a long flight thinned out: fewer samples show the same motion."""
     raw, recording = flight.raw, rebuilt.recording
-    of_raw, of_recording = (
-        slice(None, None, -(-len(x.time) // _MAX_REPORTED_SAMPLES)) for x in (raw, recording)
-    )
-    if of_raw.step > 1:
-        flight = replace(flight, raw=raw.rows(np.arange(len(raw.time))[of_raw]))
-    if of_recording.step > 1:
-        rebuilt = replace(rebuilt, recording=_part(recording, of_recording))
+    if len(raw.time) > _MAX_REPORTED_SAMPLES:
+        step = -(-len(raw.time) // _MAX_REPORTED_SAMPLES)
+        flight = replace(flight, raw=raw.rows(np.arange(0, len(raw.time), step)))
+    if len(recording.time) > _MAX_REPORTED_SAMPLES:
+        every = slice(None, None, -(-len(recording.time) // _MAX_REPORTED_SAMPLES))
+        rebuilt = replace(rebuilt, recording=_part(recording, every))
     return flight, rebuilt
 
 
@@ -375,27 +375,18 @@ def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, na
     return np.linspace(part.time[0], part.time[-1], max(2, round(share * len(part.time))))
 
 
-def _fast_force(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
-    """Return the rms of the fast part of the specific force, at the rate of the samples."""
-    return _rms(
-        roughness(CubicSpline(part.time, part.velocity_n)(_evenly(part, flight, rebuilt, "velocity"), 1))
-        for part in _stretches(rebuilt.recording)
-    )
-
-
-def _fast_rate(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
-    loudness = []
+def _fast_parts(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[float, float]:
+    """Return the rms of the fast parts of specific force and body rates, at the rate of the samples."""
+    found = []
     for part in _stretches(rebuilt.recording):
-        if rebuilt.unchanged:
-            loudness.append(roughness(body_rates(part.time, part.euler)))
-        else:
+        at, euler = part.time, part.euler
+        if not rebuilt.unchanged:
             at = _evenly(part, flight, rebuilt, "attitude")
-            loudness.append(roughness(body_rates(at, euler_at(part, at))))
-    return _rms(loudness)
-
-
-def _rms(values: Iterable[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(list(values)))))
+            euler = euler_at(part, at)
+        force = CubicSpline(part.time, part.velocity_n)(_evenly(part, flight, rebuilt, "velocity"), 1)
+        found.append((roughness(force), roughness(body_rates(at, euler))))
+    force, rate = rms(np.array(found), 0)
+    return float(force), float(rate)
 
 
 def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion) -> list[ReportRow]:

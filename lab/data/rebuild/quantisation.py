@@ -63,9 +63,9 @@ def value_steps(raw: RawFlight) -> dict[str, tuple[float, str]]:
     if raw.height is not None:
         steps["height"] = value_step(raw.height), "m"
     if raw.velocity_n is not None:
-        steps["velocity"] = max(value_step(column) for column in raw.velocity_n.T), "m/s"
+        steps["velocity"] = max(map(value_step, raw.velocity_n.T)), "m/s"
     if raw.euler is not None:
-        steps["attitude"] = float(np.degrees(max(value_step(column) for column in raw.euler.T))), "°"
+        steps["attitude"] = float(np.degrees(max(map(value_step, raw.euler.T)))), "°"
     if raw.airspeed is not None:
         steps["airspeed"] = value_step(raw.airspeed), "m/s"
     return steps

@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
+from lab.data.checks.likeness import rms
 from lab.data.log.vehicle import vehicle_in
 from lab.data.rebuild.flight_curves import (
     NOISE_THAT_MATTERS,
@@ -246,19 +247,15 @@ def _residuals(
     at = _interpolated(time, position, raw.time)
     off_position = off_velocity = off_attitude = None
     if raw.latitude is not None:
-        off_position = _rms(ecef.displacement(made.recorded_positions(), at))
+        off_position = rms(ecef.displacement(made.recorded_positions(), at), 0)
     if raw.velocity_n is not None:
         velocity_f = CubicSpline(time, axes.vectors(recording.velocity_n, position))(raw.time)
-        off_velocity = _rms(axes.vectors_n(velocity_f, at) - raw.velocity_n)
+        off_velocity = rms(axes.vectors_n(velocity_f, at) - raw.velocity_n, 0)
     if raw.euler is not None:
         q_fb = CubicSpline(time, axes.attitudes(recording.euler, position))(raw.time)
         alike = np.abs(np.sum(q_fb * axes.attitudes(raw.euler, at), axis=1)) / np.linalg.norm(q_fb, axis=1)
         off_attitude = float(np.sqrt(np.mean((2 * np.arccos(np.minimum(alike, 1))) ** 2)))
     return off_position, off_velocity, off_attitude
-
-
-def _rms(values: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 MAX_SAMPLES = 20_000_000

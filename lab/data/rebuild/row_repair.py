@@ -155,7 +155,7 @@ def somewhere(raw: RawFlight) -> RawFlight:
     off = np.linalg.norm(places[~nowhere] - places[np.argmax(nowhere)], axis=1)
     if off.min() < _MAX_DISTANCE_FROM_ZERO:
         return raw
-    return raw.rows(~nowhere, tuple(dropped_samples(raw, nowhere, f"a position {NO_FIX}")))
+    return raw.rows(~nowhere, dropped_samples(raw, nowhere, f"a position {NO_FIX}"))
 
 
 def fresh(raw: RawFlight) -> RawFlight:
@@ -173,7 +173,7 @@ def fresh(raw: RawFlight) -> RawFlight:
     ends = np.append(starts[1:], len(first)) - 1
     moving = _moves(raw.time, places, starts, ends)[np.cumsum(first) - 1]
     stale = ~first & moving
-    return raw.rows(~stale, tuple(dropped_samples(raw, stale, "the state of the row before at a later time")))
+    return raw.rows(~stale, dropped_samples(raw, stale, "the state of the row before at a later time"))
 
 
 def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Flags:
@@ -204,30 +204,20 @@ def in_order(raw: RawFlight) -> tuple[RawFlight, NDArray[np.intp]]:
     breaks : (m,) array
         Indices of the first samples after the clock was set back.
     """
-    raw = _sorted(raw)
-    return raw, np.flatnonzero(np.diff(raw.time) < 0) + 1
-
-
-def _sorted(raw: RawFlight) -> RawFlight:
-    """Return the samples with short late runs put in order."""
     late = raw.time < np.maximum.accumulate(raw.time)
-    if not late.any():
-        return raw
     edges = np.flatnonzero(np.diff(np.concatenate(([False], late, [False])).astype(int)))
-    starts, ends = edges[::2], edges[1::2]
-    if (ends - starts > _MAX_LATE_RUN).any():
-        return raw
-    order = np.argsort(raw.time, kind="stable")
-    remark = f"{int(late.sum())} rows were out of order and have been sorted."
-    return replace(raw.rows(order), remarks=(*raw.remarks, remark))
+    if late.any() and np.diff(edges)[::2].max() <= _MAX_LATE_RUN:
+        remark = f"{int(late.sum())} rows were out of order and have been sorted."
+        in_time = raw.rows(np.argsort(raw.time, kind="stable"))
+        raw = replace(in_time, remarks=(*raw.remarks, remark))
+    return raw, np.flatnonzero(np.diff(raw.time) < 0) + 1
 
 
 def distinct(raw: RawFlight) -> RawFlight:
     """Return the samples without those that repeat the one before in everything, time included."""
     repeated = _repeated(raw)
-    return raw.rows(
-        ~repeated, tuple(dropped_samples(raw, repeated, "the values of the row before, time included"))
-    )
+    words = "the values of the row before, time included"
+    return raw.rows(~repeated, dropped_samples(raw, repeated, words))
 
 
 def _repeated(raw: RawFlight, *but: str) -> Flags:
@@ -249,9 +239,8 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     across = np.linalg.norm(places[2:] - places[:-2], axis=1)
     spike = np.zeros(len(places), dtype=bool)
     spike[1:-1] = far[1:] & far[:-1] & (across < _MAX_SPIKE_RETURN * (step[1:] + step[:-1]))
-    return raw.rows(
-        ~spike, tuple(dropped_samples(raw, spike, "a position far from the path of its neighbours"))
-    )
+    words = "a position far from the path of its neighbours"
+    return raw.rows(~spike, dropped_samples(raw, spike, words))
 
 
 def with_jumps(raw: RawFlight) -> RawFlight:
@@ -279,7 +268,7 @@ def bridged_gap(raw: RawFlight, longest_gap: float) -> float:
 
 
 def longest_stretch(
-    raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float
+    raw: RawFlight, jumps: Flags, bridged: float
 ) -> tuple[RawFlight, tuple[tuple[float, float], ...]]:
     """Return the longest stretch of a recording without a gap, a restart or a jump of the place.
 
@@ -287,10 +276,10 @@ def longest_stretch(
     ----------
     raw
         Samples in order.
-    breaks
-        Where the clock was set back.
-    longest_gap
-        Longest pause between samples that is bridged [s]; at least five times the usual step is.
+    jumps : (n - 1,) array
+        As of `jumps_between`.
+    bridged
+        Longest pause between samples that is bridged [s].
 
     Returns
     -------
@@ -304,7 +293,7 @@ def longest_stretch(
     MissionError
         If no stretch has samples enough.
     """
-    cut = _jumps(raw, breaks) | (np.diff(raw.time) > bridged_gap(raw, longest_gap))
+    cut = jumps | (np.diff(raw.time) > bridged)
     edges = np.concatenate(([0], np.flatnonzero(cut) + 1, [len(raw.time)]))
     lengths = np.where(np.diff(edges) >= MIN_SAMPLES, raw.time[edges[1:] - 1] - raw.time[edges[:-1]], -1.0)
     best = int(np.argmax(lengths))
@@ -320,7 +309,7 @@ def longest_stretch(
     if raw.resets:
         words = words.replace(" or a restart", ", a restart or a reset of the estimator")
     where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
-    return (raw.rows(kept, tuple(dropped_samples(raw, ~kept, words))) if where else raw), tuple(where)
+    return (raw.rows(kept, dropped_samples(raw, ~kept, words)) if where else raw), tuple(where)
 
 
 @dataclass(frozen=True)
@@ -339,20 +328,19 @@ class Bridging:
     share: float
 
 
-def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tuple[Bridging, ...]:
+def bridging(raw: RawFlight, jumps: Flags, bridged: float) -> tuple[Bridging, ...]:
     """Return the longer gaps with which most, and nearly all, of a recording would be kept.
 
     Parameters
     ----------
     raw
         Samples in order.
-    breaks
-        Where the clock was set back.
-    longest_gap
+    jumps : (n - 1,) array
+        As of `jumps_between`.
+    bridged
         Longest pause between samples that is bridged so far [s].
     """
-    steps, jumps = np.diff(raw.time), _jumps(raw, breaks)
-    bridged = bridged_gap(raw, longest_gap)
+    steps = np.diff(raw.time)
     pauses = np.unique(np.ceil(steps[~jumps & (steps > bridged) & (steps <= MAX_BRIDGED_GAP)]))
     if not pauses.size:
         return ()
@@ -369,8 +357,16 @@ def _longest(cut: Flags) -> int:
     return int(np.diff(edges).max())
 
 
-def _jumps(raw: RawFlight, breaks: NDArray[np.intp]) -> Flags:
-    """Return between which samples (n - 1,) the clock was set back, or the place jumps."""
+def jumps_between(raw: RawFlight, breaks: NDArray[np.intp]) -> Flags:
+    """Return between which samples (n - 1,) the clock was set back, or the place jumps.
+
+    Parameters
+    ----------
+    raw
+        Samples in order.
+    breaks
+        Where the clock was set back.
+    """
     places, jumps = place(raw), np.zeros(len(raw.time) - 1, dtype=bool)
     if places is not None:
         jumps = _too_far(np.linalg.norm(np.diff(places, axis=0), axis=1), np.diff(raw.time))
@@ -391,7 +387,7 @@ def place(raw: RawFlight) -> FloatArray | None:
     return None if position is None else ecef.position(position)
 
 
-def dropped_samples(raw: RawFlight, mask: Flags, words: str) -> list[Dropped]:
+def dropped_samples(raw: RawFlight, mask: Flags, words: str) -> tuple[Dropped, ...]:
     """Return the report on samples left out: why, and when the first was by the file's own clock.
 
     Parameters
@@ -404,4 +400,4 @@ def dropped_samples(raw: RawFlight, mask: Flags, words: str) -> list[Dropped]:
         Why.
     """
     first = f", first at {raw.time[np.argmax(mask)]:.12g} s" if mask.any() else ""
-    return list(Dropped.of(f"{words}{first}", mask))
+    return Dropped.of(f"{words}{first}", mask)

@@ -130,8 +130,9 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
         raw = row_repair.with_jumps(row_repair.without_spikes(row_repair.fresh(raw)))
     breaks = np.unique(np.concatenate((breaks, row_repair.reset_places(raw))))
     bridged = row_repair.bridged_gap(raw, longest_gap)
-    more = row_repair.bridging(raw, breaks, longest_gap)
-    raw, cuts = row_repair.longest_stretch(raw, breaks, longest_gap)
+    jumps = row_repair.jumps_between(raw, breaks)
+    more = row_repair.bridging(raw, jumps, bridged)
+    raw, cuts = row_repair.longest_stretch(raw, jumps, bridged)
     raw = _one_each(raw, time_stamps)
     _check(raw)
     started = float(raw.time[0])
@@ -182,8 +183,7 @@ def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
     if time_stamps == REPAIRED and again.mean() > _MIN_REPEATED_PART and again.sum() < len(again) - 1:
         last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         return replace(raw, time=raw.time[last])
-    dropped = row_repair.dropped_samples(raw, again, "the time stamp of the row before")
-    return raw.rows(~again, tuple(dropped))
+    return raw.rows(~again, row_repair.dropped_samples(raw, again, "the time stamp of the row before"))
 
 
 def _check(raw: RawFlight) -> None:

@@ -83,7 +83,8 @@ def recognises(head: bytes) -> bool:
     if head.startswith(ZIP):
         return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
     text = as_utf8(head)
-    if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in text or _is_binary(text):
+    is_binary = len(_CONTROL.findall(text)) > _MOST_CONTROLS * len(text)  # noise names columns too
+    if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in text or is_binary:
         return False
     return KITTI_STAMP.match(head) is not None or _names_enough(text)
 
@@ -128,11 +129,6 @@ def missing_time_reason(head: bytes) -> str:
         f"It is a table with {texts}, and none of its headings names a time: --column HEADING=time[s] says "
         "which one is the time."
     )
-
-
-def _is_binary(text: bytes) -> bool:
-    """Return whether a text has so many control characters that it is none: noise names columns too."""
-    return len(_CONTROL.findall(text)) > _MOST_CONTROLS * len(text)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

@@ -106,9 +106,11 @@ def layout_of(
     best: Layout | None = None
     most = _MAX_COLUMNS if profile is None else MAX_IN_PROFILE
     lines = head.split(b"\n", MAX_HEADER_LINE)[:MAX_HEADER_LINE]
+    if profile is not None and not profile.may_head(b"".join(lines).decode("utf-8", "replace")):
+        return None
     for place, line in enumerate(lines):
         text = line[:MAX_LINE].decode("utf-8", "replace").strip("\r")
-        if not (re.search("[A-Za-z]", text) if profile is None else profile.may_head(text)):
+        if not re.search("[A-Za-z]", text):
             continue
         for delimiter in _DELIMITERS:
             if delimiter not in text:

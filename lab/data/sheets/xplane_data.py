@@ -10,6 +10,7 @@ transformed from there to the aircraft.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -62,9 +63,8 @@ GROUPS = (
 """What each group to tick gives."""
 
 
-def recognises(head: bytes) -> bool:
-    """Return whether a file has one of X-Plane's headings."""
-    return recognised(head, _PROFILE)
+recognises = partial(recognised, profile=_PROFILE)
+"""Return whether a file has one of X-Plane's headings."""
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

@@ -48,7 +48,7 @@ def test_each_that_ships_can_be_used_and_has_its_own_headings(profile):
     headings = list(dict.fromkeys((*(need[0] for need in profile.needs), *profile.columns)))
     head = ",".join(headings).encode() + b"\n" + b",".join([b"1"] * len(headings)) + b"\n"
     if profile.simulator:
-        assert [one.name for one in READERS if one.recognises(head)] == [profile.name]
+        assert [one.name for one in READERS[:-1] if one.recognises(head)] == [profile.name]
     else:
         assert profile_of("a.csv", headings) == profile
     assert (profile.name in {one.name for one in READERS}) == profile.simulator
