@@ -14,7 +14,7 @@ import numpy as np
 from lab.base.files.mission_error import MissionError, QuestionError
 from lab.data.checks.imu_axes import axes_matrix
 from lab.data.clock.two_clocks import clock_rate
-from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of
+from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of, start_of
 from lab.data.log.auxiliary_data import Comparison
 from lab.data.log.calibration import read_calibration
 from lab.data.log.log_section import piece
@@ -24,6 +24,7 @@ from lab.data.rebuild.import_settings import ALL, ImportSettings
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.rebuild.reconstruction import Reconstruction, reconstruct
 from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight, repair
+from lab.data.sheets.sensor_csv import missing_time_reason
 from lab.missions.library import add_mission
 from lab.missions.mission import Mission
 from lab.motion.recordings.recording import Recording
@@ -287,10 +288,12 @@ def any_log(
 
     try:
         return read_log(paths, units, axes, vehicle)
-    except MissionError:
+    except MissionError as refusal:
         try:
             log = device_log(paths[0], vehicle, axes) if len(paths) == 1 and not units else None
         except RecordingError as error:
+            if missing_time_reason(start_of(paths[0])):
+                raise refusal from None
             raise MissionError(str(error)) from error
         if log is None:
             raise

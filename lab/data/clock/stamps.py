@@ -51,7 +51,10 @@ _OF_HOUR = re.compile(r"(\d{1,3}):(\d{2})[.,](\d{1,9})")
 """Minutes and seconds, which spreadsheets keep of a time with a fraction."""
 _IN_LETTERS = re.compile(r"(?:(\d{1,3})h ?)?(\d{1,3})m ?(\d{1,2})(?:[.,](\d{1,9}))?s")
 """Time since the start as apps of DJI write it: 1m 2.5s."""
-_OF_DATE = r"(?:[A-Z][a-z]{2,8},? )?(\d{1,4})(?:[-/.年]|\.? )(\d{1,2}|[^\W\d_]{3,9})\.?(?:[-/.月]|,? )(\d{4}|\d{2})日?"
+_OF_DATE = (
+    r"(?:[A-Z][a-z]{2,8},? )?(\d{1,4})(?:[-/.年]|\.? )(\d{1,2}|[^\W\d_]{3,9})\.?(?:[-/.月]|,? )"
+    r"(\d{4}|\d{2})日?"
+)
 _MONTH_FIRST = r"([^\W\d_]{3,9})\.? (\d{1,2}),? (\d{4})"
 _THEN_CLOCK = (
     rf"(?:[ T_,]{{1,3}}(\d{{1,2}})[:-](\d{{2}})(?:[:-](\d{{2}})(?:[.,_:](\d{{1,9}}))?)?{_HALF}{_ZONE})?"

@@ -63,7 +63,7 @@ UNITS: dict[str, Factors] = {name: Factors(units) for name, units in {
 """Factor to SI of each unit, by quantity; angles in radians, magnetic fields in µT."""
 
 _SPELLINGS = {spelling: unit for unit, spellings in {
-    "s": "seconds second sec secs",
+    "s": "с seconds second sec secs",
     "ms": "milliseconds msec millis 0.001s",
     "µs": "microseconds us usec micros μs",
     "min": "minutes",
@@ -71,7 +71,7 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
     "days": "day",
     "°": "deg degrees degree º wgs84",
     "rad": "radians radian",
-    "m": "metres meters metre meter",
+    "m": "м metres meters metre meter",
     "ft": "feet foot ftmsl ftagl ftwgs",
     "cm": "0.01m",
     "mm": "0.001m",
@@ -81,11 +81,14 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
     "ft/s": "fps feetpersecond ft_s ft/sec",
     "km/h": "kmh kph km_h kmph km/hr",
     "ft/min": "fpm",
-    "°/s": "deg/s degps degreespersecond dps deg_s degs degsec deg_sec deg_per_s deg_per_sec deg/sec "
+    "°/s": "°/с град/с "
+        "deg/s degps degreespersecond dps deg_s degs degsec deg_sec deg_per_s deg_per_sec deg/sec "
         "degpersec deg*s^-1 d/s º/s degrees/s degrees/sec degree/s",
-    "rad/s": "radps rad/sec radianspersecond rad_sec rads rad_s radsec rad_per_s rad_per_sec rps rads^-1 "
+    "rad/s": "рад/с "
+        "radps rad/sec radianspersecond rad_sec rads rad_s radsec rad_per_s rad_per_sec rps rads^-1 "
         "radpersec rad*s^-1 r/s",
-    "m/s²": "m/s2 m/s^2 mps2 m_s2 m_s^2 ms2 ms^2 m_s_2 mpss m_per_s2 m/s/s ms^-2 m*s^-2 m/sec^2 m/sec2 "
+    "m/s²": "м/с² м/с2 м/с^2 "
+        "m/s2 m/s^2 mps2 m_s2 m_s^2 ms2 ms^2 m_s_2 mpss m_per_s2 m/s/s ms^-2 m*s^-2 m/sec^2 m/sec2 "
         "m/(s^2) m/s**2 meters/s^2",
     "g": "gforce gs gravity",
     "ft/s²": "ft/s2 ft/s^2 ft/sec^2",

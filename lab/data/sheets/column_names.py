@@ -45,9 +45,8 @@ SCALARS = {
 }  # fmt: skip
 """Quantities with one column, and the kind of their unit. A time stamp may be two columns, whole seconds and
 their fraction, a date and a clock, or a column for each part. A place is latitude and longitude in one cell,
-a side is N, S, E or W, an instance is the number of one of several sensors, a craft the name of one of several
-vehicles. q0 is the scalar part of a
-quaternion; resets are counters of an estimator."""
+a side is N, S, E or W, an instance is the number of one of several sensors, a craft the name of one of
+several vehicles. q0 is the scalar part of a quaternion; resets are counters of an estimator."""
 QUANTITIES = (*(f"{name}_{axis}" for name in VECTORS for axis in "xyz"), *SCALARS)
 """What a column may be."""
 _VECTORS_OF_FLIGHTS = {
@@ -196,7 +195,7 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     if axis and joined in _INDEXED:
         quantity = _INDEXED[joined]["xyz".index(axis)]
         return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit), rank=rank)
-    if not axis and len(given & set(_ABOUT)) == 1 and "rate" in given:
+    if not axis and len(given & set(_ABOUT)) == 1 and given & {"rate", *SENSORS["gyro"]}:
         axis = _ABOUT[next(iter(given & set(_ABOUT)))]
         return Heading(
             text, "rate", axis, "roll, pitch and yaw rate", unit_of("angular rate", unit), rank + 1

@@ -44,9 +44,9 @@ _IDEOGRAMS = re.compile(r"[\u4e00-\u9fff]")
 """How a word of Chinese begins, which letters may stand beside without a blank."""
 _MEANING = {word: meaning for meaning, text in _TABLES["languages"].items() for word in text.split()}
 _MEANING |= _TABLES["phrases"]
-_LONGEST_FIRST = sorted(_MEANING, key=len, reverse=True)
+_WORDS = sorted(_MEANING, key=len, reverse=True)
 _KNOWN = re.compile(
-    rf"(?<![a-z])(?:{'|'.join(_LONGEST_FIRST)})(?![a-z])|{'|'.join(filter(_IDEOGRAMS.match, _LONGEST_FIRST))}",
+    rf"(?<![a-z])(?:{'|'.join(_WORDS)})(?![a-z])|{'|'.join(filter(_IDEOGRAMS.match, _WORDS))}",
     re.IGNORECASE,
 )
 _OF_ACCURACY = re.compile(r"(?i)accuracy (horizontal|vertical)")

@@ -19,7 +19,7 @@ _COMMENT = re.compile(
     rb"(?m)^#\s*(?:Fix,Provider|Uncal(?:Accel|Gyro),|Raw,(?:utcTimeMillis|ElapsedRealtimeMillis))"
 )
 _WITH_KINDS = b"MessageType,utcTimeMillis,elapsedRealtimeNanos,MeasurementX,"
-"""Header of the same rows of sensors in a file of their own, as in Google's Smartphone Decimeter Challenge."""
+"""Header of the same rows of sensors in a file of their own, as in the Smartphone Decimeter Challenge."""
 _SENSORS = {
     "gyro_{}[rad/s]": ("UncalGyro", "Gyro"),
     "accel_{}[m/s^2]": ("UncalAccel", "Accel"),

@@ -21,8 +21,9 @@ from lab.base.arrays import FloatArray
 from lab.base.files.file_content import ZIP, unzipped, whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
+from lab.data.checks.gyro_check import are_explained
 from lab.data.checks.imu_axes import axes_matrix
-from lab.data.checks.log_check import is_explained
+from lab.data.checks.log_check import is_explained, matches_of
 from lab.data.files import fit, fit_imu
 from lab.data.files.track import Track
 from lab.data.files.unit_names import refuse_unknown
@@ -297,7 +298,8 @@ def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, 
 
 def _borne_out(imu: Imu, read: Oriented) -> Oriented:
     """Return a log, or raise if only the motion can show the unit of its accelerations, and does not."""
-    if imu.accelerometer.source.startswith(OF_MOTION) and not is_explained(read.log):
+    matches = matches_of(read.log) if imu.accelerometer.source.startswith(OF_MOTION) else None
+    if matches is not None and not (matches.windows and are_explained(matches)):
         raise MissionError(without_gravity(imu.accelerometer))
     return read
 

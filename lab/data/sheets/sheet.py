@@ -245,7 +245,8 @@ def _without_placeholders(
     """Return columns with NaN where they say that a value is unknown, and a report of it."""
     kept, reported = [], []
     for heading, values in zip(headings, columns, strict=True):
-        known, found = (values, "") if heading.quantity in _TIMES else without_placeholders(values)
+        more = (-1.0,) if heading.quantity in _COORDINATES else ()
+        known, found = (values, "") if heading.quantity in _TIMES else without_placeholders(values, *more)
         kept.append(known)
         reported += [f"{heading.text}: {found}"] if found else []
     return kept, (

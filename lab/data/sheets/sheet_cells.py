@@ -114,10 +114,13 @@ def are_decimal_commas(columns: Sequence[Any]) -> bool:
     return found
 
 
-def without_placeholders(values: FloatArray) -> tuple[FloatArray, str]:
-    """Return numbers with NaN for those that stand for an unknown value, such as -9999, and a report."""
+def without_placeholders(values: FloatArray, *more: float) -> tuple[FloatArray, str]:
+    """Return numbers with NaN for those that stand for an unknown value, such as -9999, and a report.
+
+    More numbers may stand for such a value than in all columns.
+    """
     found = []
-    for number in _PLACEHOLDERS:
+    for number in (*_PLACEHOLDERS, *more):
         unknown = values == number
         if not unknown.any():
             continue
@@ -177,11 +180,9 @@ def codes_of_names(cells: Any) -> FloatArray:
 
 def name_of_code(code: float) -> str:
     """Return the end of the name of a vehicle that has this number."""
-    return (
-        f"{code:.0f}"
-        if code >= 0
-        else int(-code).to_bytes(_NAME_BYTES, "big").strip(b"\0").decode("utf-8", "replace")
-    )
+    if code >= 0:
+        return f"{code:.0f}"
+    return int(-code).to_bytes(_NAME_BYTES, "big").strip(b"\0").decode("utf-8", "replace")
 
 
 def offsets_of_zones(cells: Any) -> FloatArray:

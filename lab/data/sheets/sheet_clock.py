@@ -200,9 +200,9 @@ def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:
     text = sheet.texts[heading.text]
     if _OF_MINUTES.fullmatch(text) and np.median(np.diff(values[np.isfinite(values)])) == 0:
         raise MissionError(
-            f"{sheet.name}: the time stamps ({heading.text}, such as {text!r}) have no seconds, which a spreadsheet "
-            "leaves out as it saves a csv: format the column as hh:mm:ss.000 before saving, or import the file "
-            "as the logger wrote it"
+            f"{sheet.name}: the time stamps ({heading.text}, such as {text!r}) have no seconds, which a "
+            "spreadsheet leaves out as it saves a csv: format the column as hh:mm:ss.000 before saving, or "
+            "import the file as the logger wrote it"
         )
     if is_of_hour(text):
         return Clock(continued(values, _HOUR, _HOUR / 2), heading.text, "minutes and seconds", False)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.files.mission_error import MissionError
+from lab.base.files.mission_error import MissionError, QuestionError
 from lab.base.parameters.units import DEGREE
 from lab.data.checks import estimator_resets
 from lab.data.files.unit_names import UNITS
@@ -51,8 +51,8 @@ _COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e
 """Whole numbers of a course in these units are above the first number, two turns in degrees, and up to the
 second; and their factor to degrees."""
 _CONTRADICTED = 5.0
-"""Least factor between velocity and motion that contradicts a guessed unit of time: noise of positions at 10 Hz
-makes them move up to 2.5 times as fast."""
+"""Least factor between velocity and motion that contradicts a guessed unit of time: noise of positions at
+10 Hz makes them move up to 2.5 times as fast."""
 _FAST_ENOUGH = 2.0
 """Speed from which positions show the unit of the speed [m/s]."""
 _MIN_LEGS = 10
@@ -191,7 +191,9 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
     if latitude.source == longitude.source and latitude.source in DOUBTFUL:
         unit = _unit_by_motion(sheet, latitude.unit, rows, time, position)
-        if unit != latitude.unit:
+        if not unit and latitude.unit == "°" and np.ptp(position[:, 0]) > 0 and _may_be_radians(position):
+            _ask_for_unit(sheet, latitude.name, longitude.name)
+        if unit and unit != latitude.unit:
             source = f"guessed: in {latitude.unit}, the positions do not move as fast as the velocity says"
             position[:, :2] *= UNITS["angle"][unit] / UNITS["angle"][latitude.unit]
             latitude, longitude = (one._replace(unit=unit, source=source) for one in (latitude, longitude))
@@ -203,7 +205,8 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
         height = height._replace(
             unit=unit, source=f"guessed: the positions show that {pace.name} is in {pace.unit}"
         )
-        words = f'Heights: {height.name}, in {unit} ({height.source}; --unit "{height.name}=m" states another one).'
+        other = f'--unit "{height.name}=m" states another one'
+        words = f"Heights: {height.name}, in {unit} ({height.source}; {other})."
     remarks = [
         f"Fixes: {latitude.name}, {longitude.name} of {sheet.name}, in {latitude.unit} ({latitude.source}).",
         words,
@@ -456,12 +459,12 @@ def _refuse_contradicted(
         return
     step = velocity_of_positions(time, position)
     ratio = float(np.median(np.hypot(step[1:, 0], step[1:, 1])[fast] / speed[1:][fast]))
-    if 1 / _CONTRADICTED < ratio < _CONTRADICTED:
+    if not 0 < ratio < np.inf or 1 / _CONTRADICTED < ratio < _CONTRADICTED:
         return
-    count = 1 / (ratio and UNITS["time"][clock.unit] * ratio)
+    count = 1 / (UNITS["time"][clock.unit] * ratio)
     raise MissionError(
-        f"{sheet.name}: with {clock.column} in {clock.unit}, as its steps let guess, the positions move {ratio:.3g} times "
-        f"as fast as the velocity says. Its numbers seem to be {count:.3g} a second: "
+        f"{sheet.name}: with {clock.column} in {clock.unit}, as its steps let guess, the positions move "
+        f"{ratio:.3g} times as fast as the velocity says. Its numbers seem to be {count:.3g} a second: "
         f'--unit "{clock.column}=s/{count:.3g}" says so, with the count that the logger has'
     )
 
@@ -469,12 +472,12 @@ def _refuse_contradicted(
 def _unit_by_motion(
     sheet: Sheet, taken: str, rows: NDArray[np.intp], time: FloatArray, position: FloatArray
 ) -> str:
-    """Return the unit in which coordinates that were read in another one move as fast as the velocity says."""
+    """Return the unit in which coordinates, read in one, move as the velocity says; empty if none does."""
     north, east, speed = (column_of(sheet, name) for name in ("north", "east", "speed"))
     if north is not None and east is not None:
         speed = north._replace(values=np.hypot(north.values, east.values))
     if speed is None or len(rows) < _MIN_LEGS or taken not in _LIKE_UNITS:
-        return taken
+        return ""
     for unit in (taken, *_LIKE_UNITS[taken]):
         factor = UNITS["angle"][unit] / UNITS["angle"][taken]
         place = position * (factor, factor, 1.0)
@@ -484,7 +487,21 @@ def _unit_by_motion(
         units = _SPEEDS if speed.source == "assumed" else ("m/s",)
         if any(abs(np.log(ratio / UNITS["speed"][one])) < _UNIT_TOLERANCE for one in units):
             return unit
-    return taken
+    return ""
+
+
+def _may_be_radians(position: FloatArray) -> bool:
+    """Return whether coordinates in degrees, were they radians, lie on the Earth: on the sea off Gabon."""
+    return bool((np.abs(position[:, :2]) <= (np.pi / 2 * DEGREE, np.pi * DEGREE)).all())
+
+
+def _ask_for_unit(sheet: Sheet, latitude: str, longitude: str) -> NoReturn:
+    raise QuestionError(
+        f"{sheet.name}: {latitude} and {longitude} are radians, or degrees on the sea where the equator "
+        "meets the meridian of Greenwich: no heading names the unit, and no velocity shows it; accepted are both with "
+        f'their unit: --unit "{latitude}=rad"',
+        {unit: {latitude: unit, longitude: unit} for unit in ("rad", "°")},
+    )
 
 
 def _speed_unit(speed: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:

@@ -179,6 +179,7 @@ def _known(
     The first of two with one heading counts, unless the profile names the second: ``altitude#2``.
     """
     known: list[Heading | None] = []
+    triples = _from_one(cells)
     for cell, name_of in zip(cells, numbered(cells), strict=True):
         if profile is not None and plain(name_of) in profile.meanings and name_of not in overrides:
             known.append(_of_profile(name_of, profile))
@@ -187,9 +188,28 @@ def _known(
         elif cell in overrides:
             known.append(_corrected(cell, overrides[cell], name))
         else:
-            found = heading_of(cell, name) if cell else None
+            found = heading_of(triples.get(cell, cell), name) if cell else None
+            found = found and replace(found, text=cell)
             known.append(found if found is None or profile is None else _defaulted(found, profile))
     return tuple(known)
+
+
+_COUNTED = re.compile(r"(.*[A-Za-z])[ _.]?\(?([1-4])\)?")
+
+
+def _from_one(cells: Sequence[str]) -> dict[str, str]:
+    """Return headings by axis of vectors that are counted from one, as MATLAB does: ``Acceleration_3``."""
+    parts: dict[str, dict[str, str]] = {}
+    for cell in cells:
+        if found := _COUNTED.fullmatch(cell):
+            parts.setdefault(found[1], {})[found[2]] = cell
+    return {
+        cell: f"{stem}_{'xyz'[int(number) - 1]}"
+        for stem, numbers in parts.items()
+        if numbers.keys() == {"1", "2", "3"}
+        and not {f"{stem}{mark}0" for mark in ("", "_", " ", ".")} & {*cells}
+        for number, cell in numbers.items()
+    }
 
 
 def known_of(cells: Sequence[str], profile: Profile) -> tuple[Heading | None, ...]:
