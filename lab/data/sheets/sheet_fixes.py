@@ -498,8 +498,8 @@ def _may_be_radians(position: FloatArray) -> bool:
 def _ask_for_unit(sheet: Sheet, latitude: str, longitude: str) -> NoReturn:
     raise QuestionError(
         f"{sheet.name}: {latitude} and {longitude} are radians, or degrees on the sea where the equator "
-        "meets the meridian of Greenwich: no heading names the unit, and no velocity shows it; accepted are both with "
-        f'their unit: --unit "{latitude}=rad"',
+        "meets the meridian of Greenwich: no heading names the unit, and no velocity shows it; accepted are "
+        f'both with their unit: --unit "{latitude}=rad"',
         {unit: {latitude: unit, longitude: unit} for unit in ("rad", "°")},
     )
 
