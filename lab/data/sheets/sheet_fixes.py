@@ -45,8 +45,8 @@ _HEIGHTS_BESIDE = {"kt/100": "cm", "ft/s": "ft"}
 """Units of heights without a unit beside a speed in these: those of TinyGPS, and of who counts in feet."""
 _OF_FIT = re.compile(r"(?i)(?:start_|end_)?position_?(?:lat|long)")
 """Headings of FIT, whose whole numbers are semicircles."""
-_LIKE_UNITS = {"°": ("rad",), "1e-7°": ("semicircles", "1e-6°"), "semicircles": ("1e-7°",)}
-"""Units whose numbers are as large as those in another one: FIT has semicircles, TinyGPS 1e-6°."""
+_LIKE_UNITS = {"°": ("rad",), "1e-7°": ("1e-6°",)}
+"""Units whose numbers may be taken for another one: TinyGPS has 1e-6°."""
 _COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e-5)}
 """Whole numbers of a course in these units are above the first number, two turns in degrees, and up to the
 second; and their factor to degrees."""
