@@ -292,7 +292,7 @@ def any_log(
         try:
             log = device_log(paths[0], vehicle, axes) if len(paths) == 1 and not units else None
         except RecordingError as error:
-            if missing_time_reason(start_of(paths[0])):
+            if (reason := missing_time_reason(start_of(paths[0]))) and reason in str(refusal):
                 raise refusal from None
             raise MissionError(str(error)) from error
         if log is None:

@@ -307,10 +307,10 @@ def _of_nmea(column: Column) -> Column:
 
 def _degrees(column: Column) -> Column:
     if column.source == "assumed" and np.nanmedian(np.abs(column.values)) > _MAX_DEGREES * DEGREE:
-        unit = "semicircles" if _OF_FIT.fullmatch(column.name) else "1e-7°"
-        return column._replace(
-            values=column.values * UNITS["angle"][unit] / DEGREE, unit=unit, source=BY_SIZE
-        )
+        if _OF_FIT.fullmatch(column.name):
+            factor = UNITS["angle"]["semicircles"] / DEGREE
+            return column._replace(values=column.values * factor, unit="semicircles", source="as FIT has it")
+        return column._replace(values=column.values * 1e-7, unit="1e-7°", source=BY_SIZE)
     return column
 
 
