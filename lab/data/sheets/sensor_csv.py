@@ -121,7 +121,8 @@ def missing_time_reason(head: bytes) -> str:
         layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
     except MissionError:
         return ""
-    known = [] if layout is None else [one for one in layout.known if one is not None]
+    every = () if layout is None else layout.known
+    known = [one for one in every if one is not None and one.quantity != "craft"]
     names = {one.quantity for one in known}
     if names & _STAMPS or not (set(_POSITION) <= names or names & {"rate", "force"}):
         return ""

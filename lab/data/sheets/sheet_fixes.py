@@ -459,7 +459,10 @@ def _refuse_contradicted(
         return
     step = velocity_of_positions(time, position)
     ratio = float(np.median(np.hypot(step[1:, 0], step[1:, 1])[fast] / speed[1:][fast]))
-    if not 0 < ratio < np.inf or 1 / _CONTRADICTED < ratio < _CONTRADICTED:
+    units = [UNITS["speed"][one] for one in _SPEEDS]
+    if not 0 < ratio < np.inf or min(abs(np.log(ratio / one)) for one in units) < _UNIT_TOLERANCE:
+        return  # the unit of the velocity may be another one
+    if 1 / _CONTRADICTED < ratio < _CONTRADICTED:
         return
     count = 1 / (UNITS["time"][clock.unit] * ratio)
     raise MissionError(

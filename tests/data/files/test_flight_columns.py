@@ -159,7 +159,7 @@ def test_a_compressed_file_is_known_by_its_content(tmp_path):
 
 
 def test_what_gives_no_flight_is_explained(tmp_path):
-    with pytest.raises(MissionError, match=r"no header within the first 100 lines.*time, speed,m/s or veloc"):
+    with pytest.raises(MissionError, match=r"no header within the first 300 lines.*time, speed,m/s or veloc"):
         read(tmp_path, "time,place\n1,2\n")
     with pytest.raises(MissionError, match=r"3 of 5 rows .* \(2 left out from row 2 on: cells missing"):
         read(tmp_path, "time,velocity\n1\n2\n" + "1,2\n" * 3)
