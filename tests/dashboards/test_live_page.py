@@ -38,7 +38,7 @@ class Opened:
         self.document = Document()
         monkeypatch.setattr(type(live_module.pn.state), "curdoc", self.document)
         self.session = Session(self.document)
-        self.page = Live.of(TimeAxis(), self.session)
+        self.page = Live(TimeAxis(), self.session)
         self.document.add_root(self.page.view.get_root())
         self.page.appear()
 
