@@ -75,15 +75,7 @@ class Address:
         place, _, query = found[2].partition("?")
         if not place or not place.isprintable():
             raise TransportError(f"{text!r} names no {found[1]} source; accepted is {_form(found[1])}")
-        try:
-            pairs = parse_qsl(
-                query, keep_blank_values=True, strict_parsing=bool(query), max_num_fields=MOST_OPTIONS
-            )
-        except ValueError as error:
-            raise TransportError(
-                f"{text!r}: {query!r} are no options; accepted is NAME=VALUE, several with & between them"
-            ) from error
-        return cls(found[1], place, dict(pairs))
+        return cls(found[1], place, options_of(text, query, strict=bool(query)))
 
     def check(self, own: Iterable[str]) -> None:
         """Refuse options that a source of this kind does not have.
@@ -146,6 +138,22 @@ class Address:
     def __str__(self) -> str:
         options = "&".join(f"{name}={quote(value, safe='/:,.-[]°²')}" for name, value in self.options.items())
         return f"{self.kind}:{self.place}{'?' if options else ''}{options}"
+
+
+def options_of(text: str, query: str, *, strict: bool) -> dict[str, str]:
+    """Return the options behind the question mark of an address, which `text` is in messages.
+
+    Raises
+    ------
+    TransportError
+        If they are none; with `strict`, an empty text is none, too.
+    """
+    try:
+        return dict(parse_qsl(query, True, strict_parsing=strict, max_num_fields=MOST_OPTIONS))
+    except ValueError as error:
+        raise TransportError(
+            f"{text!r}: {query!r} are no options; accepted is NAME=VALUE, several with & between them"
+        ) from error
 
 
 def computer_and_port(address: Address, usual: str | None = None) -> tuple[str, int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import math
 import os
 import re
@@ -10,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
-from urllib.parse import parse_qsl
 
 from lab.data.protocols.nmea_encoder import TALKER
-from lab.data.streams.address import LAST_PORT, MOST_OPTIONS
+from lab.data.streams.address import LAST_PORT, options_of
 from lab.data.streams.transport import TransportError
+from lab.live.phone.invitation import is_loopback
 
 HOME: Final = "127.0.0.1"
 """Where a listener listens unless another address is named: other computers cannot reach it."""
@@ -97,13 +96,7 @@ class Destination:
         kind, colon, place = address.partition(":")
         if kind not in FORMS or not address.isprintable():
             raise TransportError(f"{text!r} is no place to send to; accepted are {', '.join(FORMS.values())}")
-        try:
-            pairs = parse_qsl(query, True, strict_parsing=bool(mark), max_num_fields=MOST_OPTIONS)
-        except ValueError as error:
-            raise TransportError(
-                f"{text!r}: {query!r} are no options; accepted is NAME=VALUE, several with & between them"
-            ) from error
-        options = dict(pairs)
+        options = options_of(text, query, strict=bool(mark))
         for name in options:
             if name not in _OPTIONS[kind]:
                 raise TransportError(
@@ -138,12 +131,7 @@ class Destination:
     @property
     def is_open(self) -> bool:
         """Whether it listens, and other computers may connect."""
-        if self.kind not in {"tcp", "ws"}:
-            return False
-        try:
-            return not ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return self.host != "localhost"
+        return self.kind in {"tcp", "ws"} and not is_loopback(self.host)
 
 
 def _where(text: str, kind: str, rest: str) -> tuple[str, int, Path]:

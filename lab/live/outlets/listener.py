@@ -13,6 +13,7 @@ from typing import Any, Final
 from lab.data.protocols.foxglove import SUBPROTOCOLS, Conversation, messages_of, stamp_of
 from lab.data.protocols.sent_solution import SentSolution
 from lab.live.outlets.destination import Destination
+from lab.live.phone.invitation import in_address
 
 WAITING: Final = 25
 """Rows that wait for a reader, beside those that its line holds: half a second at 50 Hz."""
@@ -126,7 +127,7 @@ class Listener:
 
     def _opened(self) -> None:
         host, port = self._server.sockets[0].getsockname()[:2]
-        self.place = f"{self._destination.kind}://{f'[{host}]' if ':' in host else host}:{port}"
+        self.place = f"{self._destination.kind}://{in_address(host, port)}"
 
     async def _while_heard(
         self, reader: Reader, write: Callable[[Row], Awaitable[None]], gone: Awaitable[None]
