@@ -14,6 +14,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from further_outputs import FORMS, NOTHING, printed
 from live_streams import fixes, motion
 from text_outputs import OUTPUTS
 
@@ -32,8 +33,10 @@ def seed(name: str, count: int = 200) -> bytes:
 
 def seeds(name: str) -> list[bytes]:
     """Return streams of a device: of text, all that people own."""
-    texts = [make().text.encode()[:8000] for make in OUTPUTS.values()] if name == "text" else []
-    return [seed(name), *texts]
+    if name != "text":
+        return [seed(name)]
+    texts = [make().text for make in OUTPUTS.values()] + [printed(form)[0] for form in FORMS.values()]
+    return [seed(name), *(text.encode()[:8000] for text in (*texts, *NOTHING.values()))]
 
 
 _CHECKS: tuple[tuple[str, str, Any], ...] = (

@@ -232,7 +232,8 @@ def shipped_profiles() -> tuple[Profile, ...]:
 
 def own_profiles() -> tuple[Profile, ...]:
     """Return the owner's profiles; one that is broken is left out with a warning."""
-    return _of_folder(own_folder(), _listing(own_folder()))
+    folder = own_folder()
+    return _of_folder(folder, _listing(folder))
 
 
 def _listing(folder: Path) -> tuple[tuple[str, int, int], ...]:

@@ -133,16 +133,10 @@ def unit_name(quantity: str, spelling: str) -> str:
     MissionError
         If this is no unit of the quantity, listing those that are.
     """
-    text = "".join(spelling.split())
-    if found := _COUNTS.fullmatch(text):
-        return f"{unit_name(quantity, found[1])}/{found[2]}"
-    for candidate in (text, text.lower()):
-        name = _SPELLINGS.get(candidate, candidate)
-        if name in UNITS[quantity]:
-            return name
-    raise MissionError(
-        f"{spelling!r} is not a known unit of {quantity}; accepted are {', '.join(UNITS[quantity])}"
-    )
+    known = UNITS[quantity]
+    if found := unit_of(quantity, spelling):
+        return found
+    raise MissionError(f"{spelling!r} is not a known unit of {quantity}; accepted are {', '.join(known)}")
 
 
 def refuse_unknown(path: object, units: Mapping[str, str], columns: Collection[str]) -> None:
@@ -173,7 +167,11 @@ def refuse_unknown(path: object, units: Mapping[str, str], columns: Collection[s
 
 def unit_of(kind: str, spelling: str) -> str:
     """Return a unit as `UNITS` has it; empty for what is no unit of the kind."""
-    try:
-        return unit_name(kind, spelling.strip("[]() "))
-    except (MissionError, KeyError):
-        return ""
+    text, counts = "".join(spelling.strip("[]() ").split()), ""
+    if found := _COUNTS.fullmatch(text):
+        text, counts = found[1], f"/{found[2]}"
+    for written in (text, text.lower()):
+        unit = _SPELLINGS.get(written, written)
+        if unit in UNITS.get(kind, ()):
+            return f"{unit}{counts}"
+    return ""

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from lab.base.aid_table import FURTHER, SENT
-from lab.base.files.mission_error import MissionError
-from lab.data.files.unit_names import UNITS, Factors, unit_name
+from lab.data.files.unit_names import UNITS, Factors, unit_of
 
 _AXES = ("x", "y", "z")
 VECTORS = ("rate", "force", "magnetic")
@@ -156,10 +155,7 @@ def spelled(kind: str, unit: str) -> str:
     """
     if unit in UNITS_OF.get(kind, {}) or kind not in _KINDS:
         return unit
-    try:
-        return unit_name(_KINDS[kind], unit)
-    except MissionError:
-        return unit
+    return unit_of(_KINDS[kind], unit) or unit
 
 
 @dataclass(frozen=True)
