@@ -222,6 +222,8 @@ FORMS = {
         "$PCHRS,0,{t:.3f},@W,*hh\r\n$PCHRS,1,{t:.3f},@F,*hh\r\n$PCHRS,2,{t:.3f},0.4922,0.2708,-1.6283,*hh\r\n",
         "g", "deg", 2, 101.633,
     ),
+    "name_first": Form("ACC,{ms},@F\nGYR,{ms},@W\n", "m", "rad", 3, 0.0),
+    "time_first": Form("{ms},ACC,@F\n{ms},GYR,@W\n", "m", "rad", 3, 0.0),
     "quectel": Form("$PQTMIMU,{ms},@F,@W,0,0*hh\r\n", "m", "deg", 6, 0.0),
 }  # fmt: skip
 """The texts by name."""

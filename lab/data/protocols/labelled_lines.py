@@ -117,11 +117,12 @@ def labelled_samples(lines: Sequence[str]) -> Iterator[LabelledSamples]:
             for place in range(len(ids) - period + 1)
             if (ids[place : place + period] == ids[at : at + period]).all()
         ]
-        headings, others = _headings(block)
+        values = np.array(rows).reshape(-1, count)
+        headings, others = _headings(block, (np.diff(values, axis=0) > 0).all(axis=0).tolist())
         clocks = tuple(kind == "c" for one in block for kind in one.kinds)
         labels = [_name(_cut(text, k)[1]) for one in block for k, text in enumerate(one.texts[:-1])]
         is_named = sum(map(bool, labels)) > count / 2
-        yield LabelledSamples(texts, headings, others, np.array(rows).reshape(-1, count), clocks, is_named)
+        yield LabelledSamples(texts, headings, others, values, clocks, is_named)
 
 
 def _squeezed(line: Cells) -> Cells:
@@ -172,8 +173,16 @@ def _begin(
     return min(marked or places, key=lambda at: (rank(at), at))
 
 
-def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
-    """Return for each cell of a sample a heading as of a csv file, and another one."""
+def _headings(block: Sequence[Cells], grow: Sequence[bool] = ()) -> tuple[list[str], list[str]]:
+    """Return for each cell of a sample a heading as of a csv file, and another one.
+
+    Parameters
+    ----------
+    block
+        The lines of the sample.
+    grow
+        Which of its cells increase from sample to sample.
+    """
     names: list[tuple[str, str]] = []  # the name and the axis
     groups: list[int] = []  # numbers of one name have one unit
     units: dict[int, str] = {}
@@ -186,7 +195,12 @@ def _headings(block: Sequence[Cells]) -> tuple[list[str], list[str]]:
             section = title = _name(line.texts[0]) or section
             count = 0
             continue
-        for at, (unit, label) in enumerate(_labels(line)):
+        labels = _labels(line)
+        # A time stands between the name and three numbers.
+        named_alone = len(line.kinds) == 4 and not any(label for _, label in labels[1:])
+        if named_alone and labels[0][1] and all(grow[len(names) : len(names) + 1]) and grow:
+            labels[:2] = [("", "time"), ("", labels[0][1])]
+        for at, (unit, label) in enumerate(labels):
             if at and not units.get(groups[-1]):
                 units[groups[-1]] = unit
             if at == len(line.kinds):
@@ -243,6 +257,8 @@ def _cut(text: str, place: int) -> tuple[str, str]:
     parts = _ENDS.split(_BRACKETS.sub(r"(\1)", text))
     names = [part for part in (parts[1:] if place else parts) if part.strip()]
     # "Accl:", a tabulator, "x=": the axis stands behind the name.
+    if place and len(parts) > 2 and not parts[0].strip() and not parts[-1].strip() and len(names) == 1:
+        return (unit, "") if (unit := _unit(names[0])) else ("", names[0])  # a cell of its own
     last = (
         ""
         if not names or not parts[-1].strip()
@@ -270,4 +286,4 @@ def _unit(text: str) -> str:
 def _name(text: str) -> str:
     """Return the last name in a text, without signs and quotes."""
     words = [word for part in _QUOTES.split(text.replace("'s", "s")) for word in part.split()]
-    return " ".join(words).strip(" .-|/#$>*")
+    return " ".join(words).strip(" .,;-|/#$>*")
