@@ -47,6 +47,8 @@ class Form(NamedTuple):
         Time of the first sample [s]; NaN without times.
     head : str
         What stands before.
+    slow : str
+        What stands in every third sample where it has {slow}.
     """
 
     text: str
@@ -55,6 +57,7 @@ class Form(NamedTuple):
     decimals: int = 3
     begin: float = np.nan
     head: str = ""
+    slow: str = ""
 
 
 def motion(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -86,11 +89,12 @@ def printed(form: Form, seed: int = 0) -> tuple[str, np.ndarray, np.ndarray]:
     w = np.round(rate / _RATES[form.rate], form.decimals)
     whole = int if form.decimals == 0 else float
     field = np.round((20.0, -5.0, -43.0) + 0.3 * np.random.default_rng(seed).standard_normal((COUNT, 3)), 2)
-    words = form.text
+    words, slow = form.text, form.slow
     for one, between in (("f", ", "), ("w", ", "), ("F", ","), ("W", ","), ("M", ",")):
-        words = words.replace(f"@{one}", between.join(f"{{{one.lower()}[{axis}]}}" for axis in range(3)))
+        three = between.join(f"{{{one.lower()}[{axis}]}}" for axis in range(3))
+        words, slow = words.replace(f"@{one}", three), slow.replace(f"@{one}", three)
     text = form.head + "".join(
-        words.format(
+        words.replace("{slow}", "" if n % 3 else slow).format(
             f=list(map(whole, f[n])), w=list(map(whole, w[n])), t=form.begin + t[n], n=n, m=field[n],
             sec=int(np.nan_to_num(form.begin)) + n // 50, ns=n % 50 * 20_000_000, ms=20 * n,
             us=f"{int(1e6 * np.nan_to_num(form.begin)) + 20_000 * n}",
@@ -223,6 +227,9 @@ FORMS = {
         "g", "deg", 2, 101.633,
     ),
     "name_first": Form("ACC,{ms},@F\nGYR,{ms},@W\n", "m", "rad", 3, 0.0),
+    "with_a_slow_sensor": Form(
+        "accelerometer,{ms},@F\ngyroscope,{ms},@W\n{slow}", "m", "rad", 3, 0.0, slow="magnetometer,{ms},@M\n"
+    ),
     "time_first": Form("{ms},ACC,@F\n{ms},GYR,@W\n", "m", "rad", 3, 0.0),
     "quectel": Form("$PQTMIMU,{ms},@F,@W,0,0*hh\r\n", "m", "deg", 6, 0.0),
 }  # fmt: skip

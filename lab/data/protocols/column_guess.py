@@ -34,9 +34,8 @@ from lab.data.protocols.column_map import (
     ColumnMap,
     ColumnMapError,
 )
-from lab.data.protocols.labelled_lines import PERIODS, labelled_samples
+from lab.data.protocols.labelled_lines import AXES, PERIODS, labelled_samples
 from lab.data.protocols.number_guess import (
-    AXES,
     FINE,
     GROWS,
     MIN_LINES,

@@ -9,6 +9,7 @@ name, what stands behind it its unit, and a name holds for the numbers that foll
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
@@ -26,6 +27,11 @@ PERIODS = 3
 """Samples that must have followed each other in the same lines: two may look alike by chance."""
 LONGEST = 60
 """Most lines of a sample: a sensor_msgs/Imu as ROS 2 prints it has 49."""
+_RARE = 0.75
+"""Part of the lines of the most frequent sensor below which another one comes less often. With one byte of
+1,000 damaged, one line in 20 is damaged."""
+AXES = 3
+"""Fewest columns of a line, those of a vector; a counter beside fewer others is taken for time."""
 
 _AXIS = re.compile(r"(?i)^([xyz])(?:\d|_val)?$")
 _LAST_AXIS = re.compile(r"(?i)[\s_.-]*(?<![a-z])([xyz])(?:\d|_val)?$")
@@ -85,6 +91,8 @@ def labelled_samples(lines: Sequence[str]) -> Iterator[LabelledSamples]:
     lines
         Whole lines; an empty one stands for any number of empty lines.
     """
+    if (often := _without_rare_vectors(lines)) is not lines:
+        yield from labelled_samples(often)
     found: list[Cells] = []
     begins: list[int] = []  # whether a line follows an empty one, 1, or a rule, 2
     begin = 0
@@ -123,6 +131,25 @@ def labelled_samples(lines: Sequence[str]) -> Iterator[LabelledSamples]:
         labels = [_name(_cut(text, k)[1]) for one in block for k, text in enumerate(one.texts[:-1])]
         is_named = sum(map(bool, labels)) > count / 2
         yield LabelledSamples(texts, headings, others, values, clocks, is_named)
+
+
+def _without_rare_vectors(lines: Sequence[str]) -> Sequence[str]:
+    """Return lines without those of a sensor that comes less often than others; the same if there is none.
+
+    Such are lines with words before three or more numbers, as of a magnetometer at half the rate.
+    """
+    shapes = []
+    for line in lines:
+        cells = _squeezed(cells_in(line))
+        is_vector = len(cells.kinds) >= AXES and any(_name(text) for text in cells.texts[:-1])
+        shapes.append((cells.texts, cells.kinds) if is_vector else None)
+    counts = Counter(shape for shape in shapes if shape is not None)
+    least = _RARE * max(counts.values(), default=0)
+    if all(count >= least for count in counts.values()):
+        return lines
+    return [
+        line for line, shape in zip(lines, shapes, strict=True) if shape is None or counts[shape] >= least
+    ]
 
 
 def _squeezed(line: Cells) -> Cells:

@@ -15,7 +15,7 @@ import numpy as np
 from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
 from lab.data.protocols.column_map import IGNORED, OF_A_FIX, UNITS_OF, Column
-from lab.data.protocols.labelled_lines import PERIODS
+from lab.data.protocols.labelled_lines import AXES, PERIODS
 
 MIN_LINES = 8
 """Fewest lines with numbers that columns are guessed from: fewer do not show which of them is time."""
@@ -63,8 +63,6 @@ gyros are 0.05 to 5 °/s, which are at most 0.09 rad/s, and rarely more than hal
 _STILL = 0.01
 """Largest scatter of the specific force of a sensor at rest, in its median length: hands that hold one move
 it by 2 % and more."""
-AXES = 3
-"""Fewest columns of a line, those of a vector; a counter beside fewer others is taken for time."""
 
 
 def columns_by_numbers(rows: FloatArray, remarks: list[str]) -> list[Column]:

@@ -218,7 +218,8 @@ class TextLines:
             if any(column.kind == kind for column in columns.columns):
                 columns = columns.in_unit(kind, unit)
         self._patterns = _patterns_of(columns)
-        self._lead = columns.prefix  # what all lines that are read begin with
+        # What the lines that are read begin with; nothing if that is a number.
+        self._leads = tuple(one[0].strip() for one in columns.texts) or (columns.prefix,)
         self._several, self._comma = len(self._patterns) > 1, columns.decimal_comma
         ends = np.cumsum([one.groups for one in self._patterns])
         used = [at for at, column in enumerate(columns.columns) if column.quantity != IGNORED]
@@ -305,7 +306,7 @@ class TextLines:
             self.statistics.failed += 1
         else:
             self.statistics.unknown += 1
-            if self.statistics.frames and self._lead and not text.lstrip().startswith(self._lead):
+            if self.statistics.frames and all(self._leads) and not text.lstrip().startswith(self._leads):
                 return  # of another kind, which the device sends besides
         self.statistics.skipped += size
         if not self.statistics.frames:
