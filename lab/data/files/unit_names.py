@@ -75,11 +75,11 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
     "ft": "feet foot ftmsl ftagl ftwgs",
     "cm": "0.01m",
     "mm": "0.001m",
-    "m/s": "mps metrespersecond meterspersecond m_s meters/second meter/s meters/s m/sec "
+    "m/s": "м/с mps metrespersecond meterspersecond m_s meters/second meter/s meters/s m/sec "
         "meters_per_second metres_per_second",
     "kt": "knots knot kts ktas kn",
     "ft/s": "fps feetpersecond ft_s ft/sec",
-    "km/h": "kmh kph km_h kmph km/hr",
+    "km/h": "км/ч kmh kph km_h kmph km/hr",
     "ft/min": "fpm",
     "°/s": "°/с град/с "
         "deg/s degps degreespersecond dps deg_s degs degsec deg_sec deg_per_s deg_per_sec deg/sec "

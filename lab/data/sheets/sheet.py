@@ -214,8 +214,8 @@ _OF_DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.]\d{4}")
 def _with_first_column(data: bytes, layout: Layout) -> Layout:
     """Return a layout with a heading for a first column that the header leaves out.
 
-    R and pandas number the rows there. Between blanks, a time stamp with its date is two cells: RTKLIB writes
-    both under ``GPST``.
+    R and pandas number the rows there, in quotes or between blanks. Between blanks, a time stamp with its
+    date is two cells: RTKLIB writes both under ``GPST``.
     """
     lines = data[: 2 * MAX_LINE].split(b"\n", 2)[:2]
     cells = [cells_of(line.decode("utf-8", "replace").rstrip("\r"), layout.delimiter) for line in lines]
@@ -223,7 +223,8 @@ def _with_first_column(data: bytes, layout: Layout) -> Layout:
         return layout
     first, (begin, *_), (then, *_) = layout.known[0], cells[0], cells[-1]
     of_time = layout.delimiter == " " and first is not None and first.kind == "time"
-    if not of_time and not (begin in ("0", "1") and then == str(int(begin) + 1)):
+    is_marked = layout.delimiter == " " or lines[0].startswith(b'"')
+    if not of_time and not (is_marked and begin in ("0", "1") and then == str(int(begin) + 1)):
         return layout
     date = Heading("date", "date") if of_time and _OF_DATE.fullmatch(begin) else None
     return replace(layout, headings=("date" if date else "", *layout.headings), known=(date, *layout.known))

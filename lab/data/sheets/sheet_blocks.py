@@ -38,6 +38,8 @@ _MAX_LATE = 2.0
 sorts what is less."""
 _MAX_INSTANCES = 16
 """Most sensors of a kind whose samples lie in one table; more numbers are those of rows."""
+_MIN_TRACK = 4
+"""Fewest rows of a sensor or a vehicle: numbers with fewer are those of rows."""
 _SHUFFLED = 0.1
 """Part of the rows that are earlier than the one before, from which rows are shuffled; of recordings that lie
 over each other, as after a clock was set back, there are few."""
@@ -253,7 +255,7 @@ def of_one_instance(sheet: Sheet) -> Sheet:
     for heading, values in (*sheet.all_of("craft"), *sheet.all_of("instance")):
         numbers, first, counts = np.unique(values[np.isfinite(values)], return_index=True, return_counts=True)
         most = _MAX_INSTANCES if heading.quantity == "instance" else values.size
-        if not 1 < numbers.size <= most or (numbers % 1 != 0).any():
+        if not 1 < numbers.size <= most or (numbers % 1 != 0).any() or counts.max() < _MIN_TRACK:
             continue
         # The I of some phones' tables is the light, which changes seldom: sensors take turns.
         if heading.text.strip() == "I" and 2 * np.count_nonzero(np.diff(values)) < values.size - counts.max():

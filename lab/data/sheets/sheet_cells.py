@@ -172,7 +172,9 @@ _NAME_BYTES = 6
 def codes_of_names(cells: Any) -> FloatArray:
     """Return numbers for the names of vehicles: numbers as they are, and the end of others below zero."""
     codes = {
-        name: float(name) if name.isdigit() else -float(int.from_bytes(name.encode()[-_NAME_BYTES:], "big"))
+        name: float(name)
+        if name.isascii() and name.isdigit()
+        else -float(int.from_bytes(name.encode()[-_NAME_BYTES:], "big"))
         for name in cells.unique()
     }
     return np.where(cells == "", np.nan, cells.map(codes).to_numpy(float))
@@ -180,7 +182,7 @@ def codes_of_names(cells: Any) -> FloatArray:
 
 def name_of_code(code: float) -> str:
     """Return the end of the name of a vehicle that has this number."""
-    if code >= 0:
+    if code >= 0 or code <= -(2.0 ** (8 * _NAME_BYTES)):
         return f"{code:.0f}"
     return int(-code).to_bytes(_NAME_BYTES, "big").strip(b"\0").decode("utf-8", "replace")
 

@@ -198,7 +198,8 @@ def _days(year: FloatArray, month: FloatArray, day: FloatArray) -> FloatArray:
 def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:
     """Return time stamps that are text, with the date in a column beside if there is one."""
     text = sheet.texts[heading.text]
-    if _OF_MINUTES.fullmatch(text) and np.median(np.diff(values[np.isfinite(values)])) == 0:
+    steps = np.diff(values[np.isfinite(values)])
+    if _OF_MINUTES.fullmatch(text) and steps.size and np.median(steps) == 0:
         raise MissionError(
             f"{sheet.name}: the time stamps ({heading.text}, such as {text!r}) have no seconds, which a "
             "spreadsheet leaves out as it saves a csv: format the column as hh:mm:ss.000 before saving, or "

@@ -191,7 +191,13 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
     if latitude.source == longitude.source and latitude.source in DOUBTFUL:
         unit = _unit_by_motion(sheet, latitude.unit, rows, time, position)
-        if not unit and latitude.unit == "°" and np.ptp(position[:, 0]) > 0 and _may_be_radians(position):
+        if (
+            not unit
+            and latitude.unit == "°"
+            and len(rows) > 1
+            and np.ptp(position[:, 0]) > 0
+            and _may_be_radians(position)
+        ):
             _ask_for_unit(sheet, latitude.name, longitude.name)
         if unit and unit != latitude.unit:
             source = f"guessed: in {latitude.unit}, the positions do not move as fast as the velocity says"
@@ -455,7 +461,7 @@ def _refuse_contradicted(
 ) -> None:
     """Raise if the positions move much faster or slower than the velocity says by a guessed unit of time."""
     fast = (speed[1:] > _FAST_ENOUGH) & (np.diff(time) > 0)
-    if fast.sum() < _MIN_LEGS:
+    if fast.sum() < _MIN_LEGS or not (np.diff(time) > 0).all():
         return
     step = velocity_of_positions(time, position)
     ratio = float(np.median(np.hypot(step[1:, 0], step[1:, 1])[fast] / speed[1:][fast]))

@@ -84,7 +84,8 @@ def column_of(sheet: Sheet, quantity: str) -> Column | None:
         return None
     # Positions that never change are those of a home or of a remote control.
     equal = [pair for pair in found if pair[0].rank == found[0][0].rank]
-    heading, values = next((pair for pair in equal if np.nanmin(pair[1]) < np.nanmax(pair[1])), found[0])
+    changing = (pair for pair in equal if np.unique(pair[1][np.isfinite(pair[1])]).size > 1)
+    heading, values = next(changing, found[0]) if len(equal) > 1 else found[0]
     kind = SCALARS[quantity]
     unit = heading.unit or next(iter(UNITS[kind]))
     source = heading.source if heading.unit else "assumed"

@@ -188,8 +188,8 @@ def _known(
         elif cell in overrides:
             known.append(_corrected(cell, overrides[cell], name))
         else:
-            found = heading_of(triples.get(cell, cell), name) if cell else None
-            found = found and replace(found, text=cell)
+            found = heading_of(triples[cell], name) if cell in triples else None
+            found = replace(found, text=cell) if found else heading_of(cell, name) if cell else None
             known.append(found if found is None or profile is None else _defaulted(found, profile))
     return tuple(known)
 

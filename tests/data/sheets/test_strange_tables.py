@@ -65,9 +65,16 @@ def test_a_heading_says(text, quantity, unit):
     assert (found.key, found.unit) == (quantity, unit)
 
 
-@pytest.mark.parametrize("text", ["acc_x_bias", "gyro_y_std", "Ts[deg.C]", "north", "north (m)"])
+@pytest.mark.parametrize(
+    "text", ["acc_x_bias", "gyro_y_std", "acc_x_rms_10s", "Ts[deg.C]", "north", "north (m)"]
+)
 def test_a_heading_does_not_say(text):
     assert heading_of(text) is None
+
+
+def test_sensors_may_be_counted():
+    known = layout_of(b"Time,lat,altitude1,altitude2,altitude3\n", "a.csv").known
+    assert [one.key for one in known[2:]] == ["height"] * 3
 
 
 @pytest.mark.parametrize("heads", ["Acceleration_1,Acceleration_2,Acceleration_3", "acc1,acc2,acc3"])
@@ -161,6 +168,18 @@ def test_rows_of_several_kinds_are_all_read(tmp_path):
     assert (len(log.gnss.time), len(log.time)) == (measured.at.size, measured.time.size)
 
 
+def test_a_number_of_each_row_is_no_vehicle(tmp_path):
+    numbers = [f"{i}" for i in range(AT.size)]
+    is_the_drive(read_raw([track(tmp_path / "a.csv", "trackid,time,lat,lon,altitude_m", before=[numbers])]))
+
+
+def test_a_last_column_without_a_heading_moves_nothing(tmp_path):
+    columns = AT - AT[0], LATITUDE, LONGITUDE, TRUTH.height, 7 + 0 * AT
+    rows = [column[::2] for column in columns]
+    flight = read_raw([write(tmp_path / "a.csv", "time,lat,lon,altitude_m", *rows)])
+    np.testing.assert_allclose(np.degrees(flight.latitude), LATITUDE[::2], atol=1e-6)
+
+
 @pytest.mark.parametrize("of_week", [False, True])
 def test_rtklib_writes_two_cells_under_one_heading(tmp_path, of_week):
     first = [
@@ -174,7 +193,7 @@ def test_rtklib_writes_two_cells_under_one_heading(tmp_path, of_week):
 
 
 def test_rows_may_be_numbered_below_no_heading(tmp_path):
-    numbers = [f"{i + 1}" for i in range(AT.size)]
+    numbers = [f'"{i + 1}"' for i in range(AT.size)]
     is_the_drive(read_raw([track(tmp_path / "a.csv", before=[numbers])]))
 
 
