@@ -42,6 +42,9 @@ ROOM = 200_000
 MUCH = 200 * 2**20
 """Memory taken since the last full collection from which there is another one [bytes]: two streams at 1 kHz,
 which are few objects."""
+LEFT = 8.0
+"""Time from which a page may end whose browser has left it [s]: a page that is loaded again is there by then,
+and goes on with its stream."""
 STILL = 2.0
 """Time without a run after which a full collection may begin [s]: it takes half a second, so nobody may be
 moving a slider."""
@@ -97,8 +100,8 @@ class Openings(Handler):
 
     def is_crowded(self, document: Document) -> bool:
         """Return whether pages besides that of a document are open in a browser or waiting for their turn."""
-        others = (one for one in self._sessions if one.document is not document)
-        return bool(self._waiting) or any(one.connection_count > 0 for one in others)
+        watched = (one for one in self._sessions if one.connection_count > 0)
+        return bool(self._waiting) or any(one.document is not document for one in watched)
 
     @property
     def busy(self) -> bool:

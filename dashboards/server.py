@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 APP = Path(__file__).with_name("simulator.py")
 
-CHECK = 5000
+CHECK = 2000
 """Time between two looks for sessions whose browser has left [ms]; Bokeh looks every 17 s."""
 MAX_BODY = 2**16
 """Largest body of a request [bytes]: the password is the only body; files come over the websocket."""

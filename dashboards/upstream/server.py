@@ -22,6 +22,7 @@ from bokeh.server.callbacks import SessionCallback
 from bokeh.server.connection import ServerConnection as PageConnection
 from bokeh.server.contexts import ApplicationContext
 from bokeh.server.server import Server
+from bokeh.server.views.ws import WSHandler
 from bokeh.settings import settings
 from bokeh.util import callback_manager
 from panel.io.server import DocHandler
@@ -29,6 +30,7 @@ from panel.links import Callback
 from panel.reactive import Syncable
 from panel.viewable import Viewable
 from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
 from tornado.web import Application, OutputTransform
 from tornado.websocket import WebSocketHandler
 from viser.infra import WebsockClientConnection, WebsockServer
@@ -38,6 +40,8 @@ from dashboards.upstream.components import begin_components_faster
 from dashboards.upstream.patch_messages import speed_up_patches
 from dashboards.upstream.remembered_defaults import CONSTANT, RememberedDefaults, themed
 
+GOING_AWAY = 1001
+"""Code with which a browser closes the websocket of a page that it leaves (RFC 6455, 7.4.1)."""
 MOST_VALUES = 64
 """Most accepted values that are remembered of a property; those of most are one to ten."""
 
@@ -295,6 +299,30 @@ def viser_sockets(server: viser.ViserServer) -> WebsockServer:
 def viser_connection(sockets: WebsockServer, client: WebsockClientConnection) -> ServerConnection:
     """Return the websocket of a browser that is connected to a viser server."""
     return sockets._live_connections[client.client_id]
+
+
+def end_left_pages(after: float) -> None:
+    """Make Bokeh's next check end a page whose browser has left, from some time after it left.
+
+    A browser that closes or reloads a page says so, and never asks for its session again. Without a word, it
+    has lost its connection, and the session lasts as long as the server says.
+
+    Parameters
+    ----------
+    after
+        The time [s]: a page that is loaded again finds what the one before it still holds.
+    """
+    on_close = WSHandler.on_close
+    if on_close.__module__ == __name__:
+        return
+
+    def close(handler: WSHandler) -> None:
+        session = None if handler.connection is None else handler.connection._session
+        on_close(handler)
+        if session is not None and handler.close_code == GOING_AWAY:
+            IOLoop.current().call_later(after, session.request_expiration)
+
+    WSHandler.on_close = close  # type: ignore[method-assign]
 
 
 async def end_socket(document: Document, code: int, reason: str) -> None:

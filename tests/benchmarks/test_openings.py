@@ -13,6 +13,7 @@ import numpy as np
 import psutil
 import pytest
 
+from dashboards.server import CHECK
 from tests.benchmarks.visitor import Visitor
 from tests.browser.conftest import serving
 
@@ -83,7 +84,7 @@ async def one_after_the_other(address: str, server: psutil.Process) -> list[floa
 
 
 def test_two_hundred_pages_one_after_the_other() -> None:
-    with serving() as (address, process):
+    with serving("--check-unused-sessions", str(CHECK)) as (address, process):
         server = psutil.Process(process.pid)
         before = sum(server.cpu_times()[:2])
         early, late = asyncio.run(one_after_the_other(address, server))

@@ -116,9 +116,9 @@ class Visitor:
         return time.monotonic() - begin
 
     def close(self) -> None:
-        """Leave."""
+        """Leave, as a browser does that closes a page."""
         if self._socket is not None:
-            self._socket.close()
+            self._socket.close(1001)
 
     async def _send(self, kind: str, content: dict[str, Any]) -> None:
         assert self._socket is not None

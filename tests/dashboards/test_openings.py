@@ -42,10 +42,10 @@ def test_one_page_at_a_time_in_the_order_they_came_and_others_between() -> None:
         turns = Openings()
         pages = [asyncio.ensure_future(open_page(name, turns)) for name in "abc"]
         await pages[0]
-        assert turns.crowded
+        assert turns.is_crowded(Document())
         events.append("a slider of an open page")
         await asyncio.gather(*pages)
-        assert not turns.crowded
+        assert not turns.is_crowded(Document())
 
     completed(burst)
     assert events == ["a", "a slider of an open page", "b", "c"]
@@ -79,6 +79,34 @@ def test_a_result_and_a_zoom_do_not_draw_before_the_plots_have_their_turn() -> N
     assert page._stage.view.objects == []
     page._take_step()
     assert page._stage.view.objects != []
+    page.close()
+
+
+@pytest.mark.parametrize("crowded", [False, True])
+def test_a_page_alone_has_its_plots_first_and_all_settings_in_one_step(
+    crowded: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A browser paints the plots before it makes seventy fields; in a crowd, each step is a turn."""
+    document, asked = Document(), list[Callable[[], None]]()
+    with set_curdoc(document):
+        page = SimulatorPage()
+        page._openings = Openings()
+        monkeypatch.setattr(page._openings, "is_crowded", lambda _document: crowded)
+        monkeypatch.setattr(page._openings, "later", lambda _document, step: asked.append(step))
+        page.servable()
+        plots = page._stage.view.objects
+        assert (plots == []) == crowded
+        assert page._sidebar.objects == []
+        page._is_ready()
+        steps = 0
+        while asked:
+            asked.pop(0)()
+            steps += 1
+    assert page._settings is not None
+    assert page._files is not None
+    assert page._files.view in page._sidebar.objects
+    assert page._stage.view.objects != []
+    assert steps > 3 if crowded else steps == 1
     page.close()
 
 
@@ -311,13 +339,14 @@ class Context:
 
 
 def test_a_page_opens_in_steps_while_another_is_open() -> None:
-    turns, session = Openings(), SimpleNamespace(connection_count=0)
+    turns, session = Openings(), SimpleNamespace(connection_count=0, document=Document())
     context: Any = Context([session])
-    assert not turns.crowded
+    assert not turns.is_crowded(Document())
     turns._context = ref(context)
-    assert not turns.crowded
+    assert not turns.is_crowded(Document())
     session.connection_count = 1
-    assert turns.crowded
+    assert turns.is_crowded(Document())
+    assert not turns.is_crowded(session.document)  # its own page
 
 
 def test_a_page_that_asks_while_memory_goes_back_has_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,12 +20,14 @@ from bokeh.events import Event
 from bokeh.model.util import visit_value_and_its_immediate_references
 from bokeh.models import Line, Model, Range1d
 from bokeh.models.annotations import Title
+from bokeh.server.views.ws import WSHandler
 from bokeh.themes import Theme
 from bokeh.util import callback_manager
 from panel.io.state import set_curdoc
 from panel.links import Callback
 
-from dashboards.upstream.server import leave_out_hooks, models_version, speed_up
+from dashboards.upstream import server
+from dashboards.upstream.server import end_left_pages, leave_out_hooks, models_version, speed_up
 from lab.views.figures import TimeAxis, time_figure
 
 WHOLE_PAGE = """
@@ -282,3 +284,22 @@ def test_a_document_has_another_version_with_each_model_that_it_gets_or_loses() 
     document.remove_root(figure)
     versions.append(models_version(document))
     assert versions[0] != versions[1] != versions[2]
+
+
+@pytest.mark.parametrize(("code", "ends"), [(1001, True), (1006, False), (None, False)])
+def test_a_session_ends_sooner_only_if_its_browser_has_left(
+    code: int | None, ends: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A browser that has lost its connection says nothing, and may come back."""
+    asked: list[tuple[float, object]] = []
+    loop = SimpleNamespace(call_later=lambda after, call: asked.append((after, call)))
+    monkeypatch.setattr(server, "IOLoop", SimpleNamespace(current=lambda: loop))
+    monkeypatch.setattr(WSHandler, "on_close", lambda handler: handler.connection.detach_session())
+    session = SimpleNamespace(request_expiration=object())
+    connection = SimpleNamespace(_session=session)
+    connection.detach_session = lambda: setattr(connection, "_session", None)
+    end_left_pages(8.0)
+    end_left_pages(8.0)  # each page of a server asks for it
+    WSHandler.on_close(SimpleNamespace(close_code=code, connection=connection))
+    WSHandler.on_close(SimpleNamespace(close_code=code, connection=connection))  # one without a session
+    assert asked == ([(8.0, session.request_expiration)] if ends else [])
