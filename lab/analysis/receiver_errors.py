@@ -58,6 +58,8 @@ FAST, FASTEST = 12.0, 1e4
 """Largest logarithm of a factor in the search, and largest motion [m²/s⁵]."""
 CONVERGED = 1e-3
 """Change of the log-likelihood and of the logarithms at which the search ends."""
+FORBIDDEN = 1e100
+"""Cost of sizes that are not allowed; their differences must be numbers."""
 
 
 class FixSeries(NamedTuple):
@@ -187,7 +189,7 @@ def fit(fixes: FixSeries) -> AxisErrors:
         x = np.clip(x, -FAST, FAST)
         one = errors(x, slow=slow)
         if one.motion > FASTEST or (slow and not SHORTEST < one.tau < longest):
-            return math.inf
+            return FORBIDDEN
         return -predict(fixes, one, outlier).likelihood
 
     outlier = np.zeros((*fixes.position.shape, 2), np.bool_)

@@ -86,7 +86,7 @@ def magnetometer(
 
 @calibrate.command("mounting", epilog=EXAMPLES)
 def mounting(
-    mission: Annotated[str, argument("MISSION", "Sensor log of a drive on wheels.")],
+    mission: Annotated[str, argument("MISSION|FILE", "Sensor log of a drive on wheels.")],
     config: options.Config = None,
     assignments: options.Assignments = None,
     out: Out = None,
@@ -95,12 +95,14 @@ def mounting(
 ) -> None:
     """Find the small angles of the IMU in a vehicle on wheels, so that wheels help instead of harm."""
     from lab.experiment.calibration import applied_to, calibrate_mounting  # noqa: PLC0415 - help does not need it
+    from lab.experiment.log_file import opened  # noqa: PLC0415 - beside it
 
     options.check_out(out, True, ".toml", "a calibration", "--out")
-    chosen = options.experiment(mission, config, None, assignments, None)
-    with working(mission) as progress:
+    with working(mission) as progress, opened(mission) as drive:
+        chosen = options.experiment(drive, config, None, assignments, None)
         found = calibrate_mounting(chosen, progress)
-    _answer(found, out, force, as_json, applied_to(chosen.mission))
+        applied = applied_to(chosen.mission)
+    _answer(found, out, force, as_json, applied)
 
 
 def _answer(found: Found, out: Path | None, force: bool, as_json: bool, applied: Path | None = None) -> None:

@@ -71,9 +71,8 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
     from lab.experiment.scoreboard.results import kept_rows, known_files, merged, write  # noqa: PLC0415
 
     if not data.is_dir():
-        raise CommandError(
-            f"--data {data}: there is no such folder; accepted is one with folders of the sets"
-        )
+        what = "is a file" if data.is_file() else "there is no such folder"
+        raise CommandError(f"--data {data}: {what}; accepted is a folder with folders of the sets")
     there = {about.name: folder_of(about, data, alone=wanted) for about in chosen}
     absent = [about for about in chosen if there[about.name] is None]
     if len(absent) == len(chosen):

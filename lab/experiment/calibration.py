@@ -28,6 +28,7 @@ from lab.data.sheets.sheet_imu import triads
 from lab.data.streams.capture import holds_samples
 from lab.data.streams.recorded_log import has_reader, recorded_samples
 from lab.experiment.experiment import Experiment
+from lab.experiment.log_file import called
 from lab.experiment.log_result import LogResult
 from lab.missions import LogMission, missions
 from lab.missions import mission as find_mission
@@ -132,14 +133,14 @@ def calibrate_mounting(
     experiment = source.copy() if isinstance(source, Experiment) else Experiment(mission=str(source))
     if not isinstance(find_mission(experiment.mission), LogMission):
         raise MissionError(
-            f"{experiment.mission}: is a simulated mission, whose IMU is mounted straight; accepted is a "
-            "sensor log"
+            f"{called(experiment.mission)}: is a simulated mission, whose IMU is mounted straight; accepted is "
+            "a sensor log"
         )
     tell = progress or (lambda _stage, _fraction: None)
     mounting.check_drive(find_mission(experiment.mission).log)  # type: ignore[attr-defined]
     result = experiment.run(lambda stage, part: tell(stage, 0.1 * part))
     assert isinstance(result, LogResult)
-    return mounting.calibrate(result.recorded.log, experiment, experiment.mission, progress)
+    return mounting.calibrate(result.recorded.log, experiment, called(experiment.mission), progress)
 
 
 def card_of(found: ImuCalibration, name: str) -> Card:
@@ -244,7 +245,10 @@ def _log_mission(source: Source) -> LogMission | None:
     if not path.exists() and str(path) not in missions():
         raise MissionError(f"{path}: there is no such file and no such mission; accepted is a log")
     if path.is_dir() and not is_log_folder(path):
-        return None
+        raise MissionError(
+            f"{path}: is a folder without a log; accepted are files, a mission, or a folder with log.toml, or "
+            "with imu.csv and gnss.csv"
+        )
     found = find_mission(str(path))
     if not isinstance(found, LogMission):
         raise MissionError(f"{path}: is a simulated mission; accepted is a log of real sensors")

@@ -58,6 +58,9 @@ ALL = "all"
 """Kind of fixes whose receiver does not say it."""
 MOST = 5000
 """Most fixes that are used, the first ones: a minute of computing."""
+SHORTEST_LOG = 60.0
+"""Shortest span of fixes whose errors are stated [s]: the errors of fixes last some ten seconds and more, so
+that a shorter log shows none of their slow part."""
 SIX = 6
 """Components of a fix, over which the gate of the filter tests the innovations."""
 GRAVITY = 9.8
@@ -227,6 +230,12 @@ def _examined(name: str, fixes: _Fixes, gate: float, tell: Progress) -> Receiver
         raise MissionError(
             f"{name}: has {count} fixes; accepted are at least {FEWEST}: fewer do not show their errors"
         )
+    span = float(np.ptp(next(iter(fixes.series.values())).time))
+    if span < SHORTEST_LOG:
+        raise MissionError(
+            f"{name}: its fixes span {span:.0f} s; accepted are at least {SHORTEST_LOG:.0f} s: fewer do not show "
+            "errors that change slowly"
+        )
     tell("finding the errors", 0.5)
     return _report(name, fixes, gate, tell)
 
@@ -240,9 +249,14 @@ def _fixes_alone(source: str | Path) -> _Fixes | None:
         return _of_file(path)
     except RecordingError as error:
         try:
-            reader_of(path)
+            reader = reader_of(path)
         except MissionError:
             raise MissionError(str(error)) from error
+        if reader.read_log is None and reader.read_logs is None:
+            raise MissionError(
+                f"{path}: is {reader.name}, which holds no fixes as a receiver sent them; accepted are the bytes "
+                "of a receiver, such as NMEA or UBX, and sensor logs"
+            ) from error
         return None
 
 

@@ -80,6 +80,8 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
     """
     text = os.fspath(name_or_path)
     found, broken, _ = _find()
+    if text and text not in found and text not in broken and holds(_expanded(text).is_dir):
+        return _from_folder(_expanded(text), found)  # also one that is called like a file
     if text.lower().endswith(".toml"):
         path = _expanded(text)
         return _listed(path, found) or described(path, str(path))
@@ -89,8 +91,6 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
         return found[text]
     if text in broken:
         raise MissionError(broken[text])
-    if text and holds(_expanded(text).is_dir):
-        return _from_folder(_expanded(text), found)
     if text and holds(_expanded(text).is_file):
         raise MissionError(
             f"{text}: is a file, and no mission yet; ins-lab import {text} adds it, with --as log if it has "

@@ -120,6 +120,11 @@ def test_swapped_and_other_files_are_refused(rests: tuple[Path, Errors], tmp_pat
     track = tmp_path / "track.gpx"
     track.write_bytes(WRITERS["GPX"](montreal(20)))
     refused(ask("calibrate", "imu", str(track)), "no IMU")
+    (tmp_path / "empty.csv").write_bytes(b"")
+    refused(ask("calibrate", "mounting", str(tmp_path / "empty.csv")), "the file is empty")
+    (tmp_path / "nothing").mkdir()
+    for kind in ("imu", "magnetometer"):
+        refused(ask("calibrate", kind, str(tmp_path / "nothing")), "is a folder without a log")
     out = tmp_path / "sensor.txt"
     refused(ask("calibrate", "imu", str(rests[0]), "--out", str(out)), ".toml")
 

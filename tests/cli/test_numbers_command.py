@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from asking import ask, refused
 from sensor_logs import IMU, tables, write, write_csv
-from writers import ulog
+from writers import WRITERS, sensor_csv, ulog
+from xplane_simulator import montreal
 
 from lab.missions import mission
 
@@ -78,6 +79,23 @@ def test_a_receiver_without_a_log_is_refused(folder, tmp_path):
     refused(ask("receiver", str(tmp_path / "none.ubx")), "none.ubx")
     (tmp_path / "noise.ubx").write_bytes(bytes(range(256)) * 40)
     refused(ask("receiver", str(tmp_path / "noise.ubx")), "noise.ubx")
+
+
+def test_a_csv_with_an_imu_and_fixes_is_read_and_20_s_of_it_give_no_number(tmp_path):
+    path = tmp_path / "phone.csv"
+    path.write_bytes(sensor_csv.write(montreal(20)))
+    refused(ask("receiver", str(path)), "phone.csv: ", "accepted are at least 60")
+    refused(ask("calibrate", "mounting", str(path)), "phone.csv: ", "accepted are at least 120 s")
+    log = tables(100, 130)
+    many = np.linspace(*log.gnss[[0, -1], 0], 3 * len(log.gnss))
+    write(tmp_path / "short", log._replace(gnss=np.column_stack((many, np.repeat(log.gnss[:, 1:], 3, 0)))))
+    refused(ask("receiver", str(tmp_path / "short")), "fixes span 2", "accepted are at least 60 s")
+
+
+def test_a_track_holds_no_fixes_of_a_receiver(tmp_path):
+    track = tmp_path / "track.gpx"
+    track.write_bytes(WRITERS["GPX"](montreal(20)))
+    refused(ask("receiver", str(track)), "is GPX, which holds no fixes as a receiver sent them", "NMEA or UBX")
 
 
 @pytest.mark.proof

@@ -89,6 +89,7 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     [
         (["nowhere"], ["there is no data set of this name", "accepted: rtkx_walk"]),
         (["--data", "nowhere"], ["there is no such folder"]),
+        (["--data", __file__], ["is a file; accepted is a folder"]),
         (["--keep", "a.json"], ["accepted with --data"]),
         (["--data", ".", "--keep", "a.csv"], ["accepted is a JSON file"]),
         (["--data", "."], ["has no set", "folders in it named rtkx_walk"]),

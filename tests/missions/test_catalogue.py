@@ -125,6 +125,12 @@ def test_links_in_a_circle_hide_no_other_mission(own):
     assert {"circle", "here"} <= set(broken_missions())
 
 
+@pytest.mark.parametrize("name", ["drive.csv", "drive.csv.gz", "drive.toml"])
+def test_a_folder_with_a_log_may_be_called_like_a_file(tmp_path, name):
+    write_log(tmp_path / name)
+    assert isinstance(mission(str(tmp_path / name)), LogMission)
+
+
 def test_a_message_names_some_of_many_missions(own):
     for number in range(60):
         write(own / f"many{number:02}.toml", "many")
