@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from lab.analysis.verdicts.finding import is_right
 from lab.base.arrays import FloatArray, of_kernel
 from lab.navigation.kernels.compilation import entry_kernel, kernel
 
@@ -326,6 +327,25 @@ def judged(fixes: FixSeries, errors: AxisErrors) -> Predicted:
     if found.outlier.mean() <= MOST_OUTLIERS:
         return found
     return predict(fixes, errors, np.zeros_like(found.outlier))
+
+
+def quarters(squares: FloatArray, degrees: FloatArray) -> tuple[tuple[float, float], bool]:
+    """Return the smallest and the largest mean square in four parts, and whether they differ beyond chance.
+
+    Parameters
+    ----------
+    squares, degrees : (m,) arrays
+        NIS of each fix, and the number of its components. With fewer than `FEWEST` in a part, nothing is
+        known.
+    """
+    parts = list(zip(*(np.array_split(one, 4) for one in (squares, degrees)), strict=True))
+    numbers = [float(own.sum()) for _, own in parts]
+    if min(numbers) < FEWEST:
+        return (math.nan, math.nan), False
+    found = [float(values.sum()) / number for (values, _), number in zip(parts, numbers, strict=True)]
+    mean = float(squares.sum()) / sum(numbers)
+    apart = [not is_right(one / mean * number, number) for one, number in zip(found, numbers, strict=True)]
+    return (min(found), max(found)), any(apart)
 
 
 def _claimed(sigma: FloatArray, otherwise: float) -> FloatArray:

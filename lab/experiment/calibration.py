@@ -133,8 +133,8 @@ def calibrate_mounting(
     experiment = source.copy() if isinstance(source, Experiment) else Experiment(mission=str(source))
     if not isinstance(find_mission(experiment.mission), LogMission):
         raise MissionError(
-            f"{called(experiment.mission)}: is a simulated mission, whose IMU is mounted straight; accepted is "
-            "a sensor log"
+            f"{called(experiment.mission)}: is a simulated mission, whose IMU is mounted straight; accepted "
+            "is a sensor log"
         )
     tell = progress or (lambda _stage, _fraction: None)
     mounting.check_drive(find_mission(experiment.mission).log)  # type: ignore[attr-defined]
@@ -246,8 +246,8 @@ def _log_mission(source: Source) -> LogMission | None:
         raise MissionError(f"{path}: there is no such file and no such mission; accepted is a log")
     if path.is_dir() and not is_log_folder(path):
         raise MissionError(
-            f"{path}: is a folder without a log; accepted are files, a mission, or a folder with log.toml, or "
-            "with imu.csv and gnss.csv"
+            f"{path}: is a folder without a log; accepted are files, a mission, or a folder with log.toml, "
+            "or with imu.csv and gnss.csv"
         )
     found = find_mission(str(path))
     if not isinstance(found, LogMission):

@@ -25,6 +25,7 @@ from lab.analysis.receiver_errors import (
     FixSeries,
     fit,
     judged,
+    quarters,
     rounding,
     with_motion,
 )
@@ -97,6 +98,11 @@ class KindRow(NamedTuple):
         than `FEWEST` in each.
     basis : str
         What the figures rest on.
+    quarters : (float, float)
+        Smallest and largest of the same mean square in the quarters of the second half; NaN with fewer
+        components than `FEWEST` in one of them.
+    varies : bool
+        Whether the quarters differ beyond chance.
     """
 
     kind: str
@@ -109,6 +115,8 @@ class KindRow(NamedTuple):
     outliers: int
     nis: float
     basis: str
+    quarters: tuple[float, float] = (math.nan, math.nan)
+    varies: bool = False
 
     @property
     def sigma(self) -> float:
@@ -233,8 +241,8 @@ def _examined(name: str, fixes: _Fixes, gate: float, tell: Progress) -> Receiver
     span = float(np.ptp(next(iter(fixes.series.values())).time))
     if span < SHORTEST_LOG:
         raise MissionError(
-            f"{name}: its fixes span {span:.0f} s; accepted are at least {SHORTEST_LOG:.0f} s: fewer do not show "
-            "errors that change slowly"
+            f"{name}: its fixes span {span:.0f} s; accepted are at least {SHORTEST_LOG:.0f} s: fewer do not "
+            "show errors that change slowly"
         )
     tell("finding the errors", 0.5)
     return _report(name, fixes, gate, tell)
@@ -254,8 +262,8 @@ def _fixes_alone(source: str | Path) -> _Fixes | None:
             raise MissionError(str(error)) from error
         if reader.read_log is None and reader.read_logs is None:
             raise MissionError(
-                f"{path}: is {reader.name}, which holds no fixes as a receiver sent them; accepted are the bytes "
-                "of a receiver, such as NMEA or UBX, and sensor logs"
+                f"{path}: is {reader.name}, which holds no fixes as a receiver sent them; accepted are the "
+                "bytes of a receiver, such as NMEA or UBX, and sensor logs"
             ) from error
         return None
 
@@ -408,16 +416,18 @@ def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
     sigma = one.series.position_sigma[rows]
     claimed = float(np.nanmedian(sigma)) if _known(sigma) else math.nan
     white = float(one.errors.white[number]) * (1.0 if math.isnan(claimed) else claimed)
-    nis = math.nan
+    nis, within, varies = math.nan, (math.nan, math.nan), False
     if one.halves is not None:
-        half = rows[rows.size - one.halves[0].size :]
-        degrees = one.halves[1][half].sum()
-        nis = float(one.halves[0][half].sum() / degrees) if degrees >= FEWEST else math.nan
+        squares, degrees = (values[rows[rows.size - values.size :]] for values in one.halves)
+        nis = float(squares.sum() / degrees.sum()) if degrees.sum() >= FEWEST else math.nan
+        within, varies = quarters(squares, degrees)
     outliers = int(one.outliers[rows].sum())
     slow, tau = one.errors.slow, one.errors.tau
     if rows.sum() < FEWEST:
         white = slow = tau = math.nan
-    return KindRow(kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis)
+    return KindRow(
+        kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis, within, varies
+    )
 
 
 def _sentence(row: KindRow) -> str:
@@ -452,11 +462,18 @@ def _sentence(row: KindRow) -> str:
 
 def _halves(row: KindRow) -> str:
     """Return how the sizes of the first half predict the second."""
-    right = FITS[0] <= row.nis <= FITS[1]
-    said = "confirms them" if right else "does not: the receiver changed, or filters its output"
+    said = "confirms them"
+    if not FITS[0] <= row.nis <= FITS[1]:
+        said = "does not confirm them"
+        if row.varies:
+            said += ": the errors change within minutes, as those of a receiver that filters its output do"
+        elif not math.isnan(row.quarters[0]):
+            said += ": the receiver changed from one half to the other"
+    low, high = row.quarters
+    within = "" if math.isnan(low) else f"; {low:.2f} to {high:.2f} in its quarters"
     return (
         f"Sizes found in the first half, judged by the second with its own motion ({row.axis}, {row.kind}): "
-        f"NIS per component {row.nis:.2f}, which {said} ({FITS[0]} to {FITS[1]})."
+        f"NIS per component {row.nis:.2f}, which {said} ({FITS[0]} to {FITS[1]} does{within})."
     )
 
 

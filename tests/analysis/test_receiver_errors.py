@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lab.analysis.receiver_errors import AxisErrors, FixSeries, fit, judged, predict
+from lab.analysis.receiver_errors import AxisErrors, FixSeries, fit, judged, predict, quarters
 
 PERIOD = 0.5
 
@@ -126,6 +126,23 @@ def test_the_second_half_confirms_the_first() -> None:
         ratios.append(seen.nis[half:].sum() / seen.degrees[half:].sum())
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.05)
     assert np.abs(np.array(ratios) - 1).max() < 0.1
+
+
+def test_a_receiver_whose_errors_change_within_the_half_is_told_from_one_that_stays() -> None:
+    rng = np.random.default_rng(1)
+    degrees = np.full(200, 2.0)
+    for size in (0.5, 1.0, 2.0):
+        found = [quarters(size * rng.chisquare(2, 200), degrees) for _ in range(100)]
+        assert sum(varies for _, varies in found) <= 2
+        assert all(0.5 * size < low < high < 1.7 * size for (low, high), _ in found)
+    moving = np.where(np.arange(200) < 150, 1.0, 0.05)
+    (low, high), varies = quarters(moving * rng.chisquare(2, 200), degrees)
+    assert varies
+    assert low == pytest.approx(0.05, rel=0.4)
+    assert high > 0.8
+    few, unknown = quarters(rng.chisquare(2, 100), degrees[:100])
+    assert np.isnan(few).all()
+    assert not unknown
 
 
 def test_outliers_are_left_out() -> None:

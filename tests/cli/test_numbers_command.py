@@ -95,7 +95,9 @@ def test_a_csv_with_an_imu_and_fixes_is_read_and_20_s_of_it_give_no_number(tmp_p
 def test_a_track_holds_no_fixes_of_a_receiver(tmp_path):
     track = tmp_path / "track.gpx"
     track.write_bytes(WRITERS["GPX"](montreal(20)))
-    refused(ask("receiver", str(track)), "is GPX, which holds no fixes as a receiver sent them", "NMEA or UBX")
+    refused(
+        ask("receiver", str(track)), "is GPX, which holds no fixes as a receiver sent them", "NMEA or UBX"
+    )
 
 
 @pytest.mark.proof
