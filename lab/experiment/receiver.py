@@ -59,7 +59,7 @@ ALL = "all"
 """Kind of fixes whose receiver does not say it."""
 MOST = 5000
 """Most fixes that are used, the first ones: a minute of computing."""
-SHORTEST_LOG = 60.0
+SHORTEST_LOG = 30.0
 """Shortest span of fixes whose errors are stated [s]: the errors of fixes last some ten seconds and more, so
 that a shorter log shows none of their slow part."""
 SIX = 6

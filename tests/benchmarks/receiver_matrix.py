@@ -12,6 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from lab.base.files.mission_error import MissionError
 from lab.experiment.receiver import FITS, receiver
 from tests.benchmarks.numbers_matrix import mission_of
 
@@ -46,7 +47,11 @@ def main() -> None:
                 print(f"{path.name:34} is not there")
                 continue
             is_log = path.is_dir() or path.suffix in (".ulg", ".bin")
-            found = receiver(mission_of(path, Path(folder)) if is_log else path)
+            try:
+                found = receiver(mission_of(path, Path(folder)) if is_log else path)
+            except MissionError as error:
+                print(error)
+                continue
             for row in found.rows:
                 figures = (
                     "       -" if math.isnan(one) else f"{one:8.3g}"

@@ -89,7 +89,7 @@ def test_a_csv_with_an_imu_and_fixes_is_read_and_20_s_of_it_give_no_number(tmp_p
     log = tables(100, 130)
     many = np.linspace(*log.gnss[[0, -1], 0], 3 * len(log.gnss))
     write(tmp_path / "short", log._replace(gnss=np.column_stack((many, np.repeat(log.gnss[:, 1:], 3, 0)))))
-    refused(ask("receiver", str(tmp_path / "short")), "fixes span 2", "accepted are at least 60 s")
+    refused(ask("receiver", str(tmp_path / "short")), "fixes span 2", "accepted are at least 30 s")
 
 
 def test_a_track_holds_no_fixes_of_a_receiver(tmp_path):

@@ -14,8 +14,8 @@ FOREIGN_FINDINGS: dict[str, Wording] = {
     "size and memory": Wording(
         "{kind}",
         "The {kind} innovations are {root} times as large as the filter says and follow each other: Q is too "
-        "small, or errors of the {kind} last from one measurement to the next.",
-        "Raise Q, or model the slow error of the measurement.",
+        "small, or errors of the {kind} last from one to the next, such as slow ones, or those of a delay.",
+        "Check the delay of the measurement, before you raise Q or model its slow error.",
     ),
     "size, causes not compared": Wording(
         "{kind}",
@@ -30,8 +30,8 @@ FOREIGN_FINDINGS: dict[str, Wording] = {
     "follows": Wording(
         "Q",
         "The innovations of the fixes follow each other: the filter corrects too little. Q is too small, or "
-        "errors of the fixes last from one to the next.",
-        "Raise Q, or model the slow error of the fixes.",
+        "errors of the fixes last from one to the next, such as slow ones, or those of late fixes.",
+        "Check the delay of the receiver, before you raise Q or model a slow error of the fixes.",
     ),
     "alternates": Wording(
         "Q",
@@ -49,6 +49,12 @@ FOREIGN_FINDINGS: dict[str, Wording] = {
         "At {time:.1f} s the position of the receiver jumped by {size} m, which its own velocity does not "
         "show: the receiver explains {what}.",
         "Check the receiver in that time (satellites, multipath, interference).",
+    ),
+    "heading": Wording(
+        "heading",
+        "The {kind} innovations follow the acceleration, turned by 90°: the heading was off by some {size}° "
+        "while the velocity changed.",
+        "Check what the heading is from: the magnetometer, its declination, what disturbs it, or the start.",
     ),
     "rejected": Wording(
         "gate",

@@ -35,6 +35,7 @@ from lab.analysis.verdicts.finding import (
 )
 from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement, following, measured
 from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
+from lab.analysis.verdicts.foreign_motion import of_heading
 from lab.analysis.verdicts.foreign_track import Compared, Jump, Statement, against, jumps
 from lab.base.notebook_card import NotebookCard
 from lab.data.log.filter_log import Event, FilterLog, Track
@@ -103,8 +104,10 @@ def judge_foreign(
     found = tuple(measured(one) for one in log.lane.innovations)
     judged = [one for one in found if one.is_judged]
     weighed = [entry for one in judged for entry in _of_size(one, len(judged))]
-    gain = None if weighed else _gain(judged)  # their size says it already
-    weighed += _of_gain(gain)
+    gnss, epoch = (None, 0.0) if sensors is None else (sensors.gnss, sensors.epoch)
+    turned = [] if gnss is None else [entry for one in judged for entry in of_heading(one, gnss, epoch)]
+    gain = None if weighed or turned else _gain(judged)  # size or heading says it already
+    weighed += turned + _of_gain(gain)
     weighed += [entry for one in judged for entry in _of_bias(one)]
     weighed += [entry for one in found for entry in _of_rejections(one)]
     weighed += _of_events(log)

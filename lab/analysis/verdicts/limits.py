@@ -188,6 +188,13 @@ class VerdictLimits:
     explained_within : float
         Time before a rejection, a reset or a stretch in which a jump explains it [s]: autopilots retry for
         some seconds.
+    heading_gain : float
+        Growth of the log-likelihood from which innovations of a velocity name a heading error: chance and the
+        ten gains that are tried make it once in a hundred thousand logs.
+    over_delay : float
+        Least ratio of that growth to the growth by a delay: in an even turn both explain alike.
+    foreign_heading : float
+        Smallest heading error that innovations name [rad]: magnetometers of autopilots err by as much.
     upright_part : float
         Least specific force to the right, relative to the acceleration of the turns: between a coordinated
         turn, 0, and a flat one, 1. Cambered bends are in between, and bodies lean outwards.
@@ -255,6 +262,9 @@ class VerdictLimits:
     jump_factor: float = 8.0
     jump_interval: float = 1.5
     explained_within: float = 5.0
+    heading_gain: float = 12.0
+    over_delay: float = 2.0
+    foreign_heading: float = float(np.radians(5.0))
     upright_part: float = 0.5
 
     @property

@@ -1,0 +1,76 @@
+"""A heading error is named from the innovations of a velocity, of a filter whose heading is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.analysis.verdicts.foreign_evidence import measured
+from lab.analysis.verdicts.foreign_motion import heading_error, of_heading
+from lab.data.log.filter_log import innovations_of
+from lab.data.log.sensor_log import GnssLog
+
+PERIOD = 0.2
+TIME = PERIOD * np.arange(900)
+NOISE = 0.1
+
+
+def innovations(
+    seed: int, *, heading: float = 0.0, scale: float = 0.0, late: int = 0, q: float = 1.0, r: float = 1.0
+) -> tuple[object, GnssLog]:
+    """Return innovations of a filter that turns and scales the acceleration, and the fixes of its log.
+
+    Its velocity is corrected by fixes that are late by some periods; it believes q and r times the variances.
+    """
+    rng = np.random.default_rng(seed)
+    phase = 0.15 * TIME + 2 * np.sin(0.05 * TIME)
+    truth = np.column_stack((15 * np.cos(phase), 15 * np.sin(phase)))
+    gained = np.diff(truth, axis=0, prepend=truth[:1])
+    turned = (
+        (1 + scale)
+        * gained
+        @ np.array(((np.cos(heading), np.sin(heading)), (-np.sin(heading), np.cos(heading))))
+    )
+    drift = 0.02 * rng.normal(size=truth.shape)
+    seen = truth[np.maximum(np.arange(len(TIME)) - late, 0)] + NOISE * rng.normal(size=truth.shape)
+    x, P, found, variances = truth[0], 0.1, [], []
+    for gain, noise, fix in zip(turned, drift, seen, strict=True):
+        x, P = x + gain + noise, P + q * 0.02**2
+        S = P + r * NOISE**2
+        found.append(x - fix)
+        variances.append(np.full(2, S))
+        x, P = x - P / S * (x - fix), P * r * NOISE**2 / S
+    one = innovations_of(
+        "GPS velocity", ("north", "east"), "m/s", TIME, np.array(found), "made", variance=np.array(variances)
+    )
+    assert one is not None
+    three = np.column_stack((seen, np.zeros(len(TIME))))
+    gnss = GnssLog(
+        TIME, np.zeros_like(three), three, np.ones_like(three), np.ones_like(three), np.zeros(3), 0.0
+    )
+    return measured(one), gnss
+
+
+@pytest.mark.parametrize("degrees", [-30.0, 15.0])
+def test_a_wrong_heading_is_named_with_its_size(degrees: float) -> None:
+    for seed in range(20):
+        one, gnss = innovations(seed, heading=np.radians(degrees))
+        found = heading_error(one, gnss, 0.0)
+        assert found is not None
+        assert 0.45 < np.degrees(found.size) / abs(degrees) < 2.0
+        (named,) = of_heading(one, gnss, 0.0)
+        assert "the heading was off" in named.finding.sentence
+        assert "innovations" in named.finding.evidence
+
+
+@pytest.mark.parametrize(
+    "fault", [{}, {"scale": 0.05}, {"late": 1}, {"late": 2}, {"q": 0.1}, {"q": 10.0}, {"r": 0.1}, {"r": 10.0}]
+)
+def test_nothing_else_is_called_a_heading_error(fault: dict[str, float]) -> None:
+    assert not any(of_heading(*innovations(seed, **fault), 0.0) for seed in range(40))
+
+
+def test_straight_motion_shows_no_heading() -> None:
+    one, gnss = innovations(1, heading=0.5)
+    gnss.velocity_n[:] = gnss.velocity_n[0] + NOISE * np.random.default_rng(1).normal(size=(len(TIME), 3))
+    assert heading_error(one, gnss, 0.0) is None
