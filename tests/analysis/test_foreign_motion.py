@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from lab.analysis.verdicts.foreign_evidence import measured
 from lab.analysis.verdicts.foreign_motion import heading_error, of_heading
+from lab.data.files.ardupilot import opened
+from lab.data.files.streams import TIME as TIMES
 from lab.data.log.filter_log import innovations_of
 from lab.data.log.sensor_log import GnssLog
+from lab.experiment.judged_log import judge
+
+ROOT = Path(__file__).parents[2]
 
 PERIOD = 0.2
 TIME = PERIOD * np.arange(900)
@@ -74,3 +82,20 @@ def test_straight_motion_shows_no_heading() -> None:
     one, gnss = innovations(1, heading=0.5)
     gnss.velocity_n[:] = gnss.velocity_n[0] + NOISE * np.random.default_rng(1).normal(size=(len(TIME), 3))
     assert heading_error(one, gnss, 0.0) is None
+
+
+def test_a_real_log_whose_simulator_logged_the_true_heading() -> None:
+    """ArduPilot's simulator wrote the truth beside its filter, whose heading was off by 10.7° at first."""
+    path = Path(os.environ.get("INS_LAB_LOGS", ROOT.parent / "shared" / "logs")) / "copter_delorean_92.bin"
+    if not path.is_file():
+        pytest.skip("no real logs here: name their folder in INS_LAB_LOGS")
+    _, times = opened(path, ("ATT", "SIM"))
+    stated, truth = times.of("ATT"), times.of("SIM")
+    assert stated is not None
+    assert truth is not None
+    true = np.interp(stated[TIMES], truth[TIMES], np.unwrap(np.radians(truth["Yaw"])))
+    off = np.abs(np.angle(np.exp(1j * (np.radians(stated["Yaw"]) - true))))
+    found = judge(path).verdict.findings
+    assert [one.quantity for one in found] == ["heading"]
+    assert found[0].factor == pytest.approx(off.max(), rel=1.0)
+    assert off.max() > np.radians(10)

@@ -16,9 +16,9 @@ import numpy as np
 
 from lab.analysis.verdicts.foreign_verdict import ForeignVerdict, judge_foreign
 from lab.base.files.mission_error import MissionError
-from lab.data.filter_logs import read_filter_log
 from lab.data.log.filter_log import AXES, FilterLog, Lane, Measured, innovations_of
 from lab.experiment.experiment import Experiment
+from lab.experiment.judged_log import judge
 from lab.experiment.result import Result
 
 CASES = {
@@ -94,7 +94,7 @@ def real(folders: list[str]) -> None:
     judged = accused = 0
     for path in paths:
         try:
-            found = judge_foreign(read_filter_log(path))
+            found = judge(path)
         except MissionError:
             continue
         judged += 1

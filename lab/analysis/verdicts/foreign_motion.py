@@ -155,7 +155,7 @@ def of_heading(one: Measurement, gnss: GnssLog, epoch: float) -> list[Weighed]:
         return []
     degrees = np.degrees([found.size, found.sigma])
     evidence = (
-        f"{written(degrees[0])} ± {written(degrees[1])}°, within a factor of two, by the accelerations of the "
+        f"{written(degrees[0])} ± {written(degrees[1])}° within a factor of two, by the accelerations of the "
         f"fixes; growth of the log-likelihood {found.gain:.0f}, by a delay {found.delay:.0f}; {found.count} "
         f"innovations ({one.innovations.source})"
     )
