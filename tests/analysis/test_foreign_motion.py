@@ -12,7 +12,7 @@ from lab.analysis.verdicts.foreign_evidence import measured
 from lab.analysis.verdicts.foreign_motion import heading_error, of_heading
 from lab.data.files.ardupilot import opened
 from lab.data.files.streams import TIME as TIMES
-from lab.data.log.filter_log import innovations_of
+from lab.data.log.filter_log import Measured, innovations_of
 from lab.data.log.sensor_log import GnssLog
 from lab.experiment.judged_log import judge
 
@@ -49,8 +49,9 @@ def innovations(
         variances.append(np.full(2, S))
         x, P = x - P / S * (x - fix), P * r * NOISE**2 / S
     one = innovations_of(
-        "GPS velocity", ("north", "east"), "m/s", TIME, np.array(found), "made", variance=np.array(variances)
-    )
+        Measured("GPS velocity", ("north", "east"), "m/s"), TIME, np.array(found), "made",
+        variance=np.array(variances),
+    )  # fmt: skip
     assert one is not None
     three = np.column_stack((seen, np.zeros(len(TIME))))
     gnss = GnssLog(

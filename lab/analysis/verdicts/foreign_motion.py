@@ -50,15 +50,15 @@ class HeadingError(NamedTuple):
         Growth of the log-likelihood by it.
     delay : float
         Growth of the log-likelihood by a delay of at most `LATEST` in its place.
-    count : int
-        Number of innovations.
+    number : int
+        Of innovations.
     """
 
     size: float
     sigma: float
     gain: float
     delay: float
-    count: int
+    number: int
 
 
 def heading_error(one: Measurement, gnss: GnssLog, epoch: float) -> HeadingError | None:
@@ -156,7 +156,7 @@ def of_heading(one: Measurement, gnss: GnssLog, epoch: float) -> list[Weighed]:
     degrees = np.degrees([found.size, found.sigma])
     evidence = (
         f"{written(degrees[0])} ± {written(degrees[1])}° within a factor of two, by the accelerations of the "
-        f"fixes; growth of the log-likelihood {found.gain:.0f}, by a delay {found.delay:.0f}; {found.count} "
+        f"fixes; growth of the log-likelihood {found.gain:.0f}, by a delay {found.delay:.0f}; {found.number} "
         f"innovations ({one.innovations.source})"
     )
     finding = FOREIGN_FINDINGS["heading"].finding(
