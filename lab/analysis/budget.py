@@ -12,8 +12,10 @@ state c of a source obey
     e⁺ = (I − K H) e⁻ + K v,          b̂⁺ = b̂⁻ − K (H e⁻ − v)     with a measurement of error v.
 
 Φ_f is the transition as the filter has it: estimates decay, while constant errors do not. It does not matter
-when the navigator is corrected. c is v itself, or the error of an inertial sensor with the sign of an error
-of the estimated bias, because it acts as one on the navigator.
+when the navigator is corrected, but F of the filter has the attitude and the forces that it estimates: a bias
+that it has taken for a tilt is along the axes of its estimate, which may be degrees off at the start. Errors
+turn by half of each correction (`strapdown.reset_rate`). c is v itself, or the error of an inertial sensor
+with the sign of an error of the estimated bias, because it acts as one on the navigator.
 
 References
 ----------
@@ -42,7 +44,7 @@ from lab.analysis.error_sources import (
     processes,
 )
 from lab.analysis.errors import euler_sigma, output_map
-from lab.analysis.gains import Epochs, Update, epochs_of, updates_of
+from lab.analysis.gains import Epochs, Update, epochs_of, is_corrected, updates_of
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, FlightArrays, N, Processes, Transition, transition
 from lab.base.arrays import FloatArray
@@ -199,12 +201,13 @@ class _Propagation:
         known: Sequence[Series] = (),
     ) -> None:
         (truth, ideal), belief = run.true_flight("budget"), run.belief
+        self.corrected = is_corrected(run)
         self.flight = FlightArrays(
             truth.latitude,
             truth.longitude,
             truth.height,
             truth.velocity_n,
-            truth.q_nb,
+            run.solution_arrays.q_nb if self.corrected else truth.q_nb,
             ideal.dtheta,
             ideal.dvelocity,
             ideal.dt,
@@ -283,6 +286,8 @@ class _Propagation:
     def _propagate(self, first: int, last: int, step: Transition) -> None:
         """Go from one sample to another."""
         there = self.flight.between(first, last)
+        if self.corrected:
+            there = there._replace(dvelocity=self._gained(slice(first, last)))
         series = np.ascontiguousarray(self.series[:, first:last])
         transition(there, 0, last - first, self.fade, self.sampled, series, step)
         estimates, own = self.estimates, self.own
@@ -315,6 +320,21 @@ class _Propagation:
         B[:, own, own], Q[:, own, own] = decay, drive
         self.P = B @ self.P @ B.mT + Q
 
+    def _gained(self, samples: slice) -> FloatArray:
+        """Return the increments of velocity (k, 3) that the filter takes for true."""
+        run, solution = self.result, self.result.solution_arrays
+        parts = solution.bias[samples], solution.scale[samples], solution.further[samples]
+        estimates = np.concatenate(parts, axis=1, dtype=np.float64)
+        measured = np.concatenate((run.gyro.increments[samples], run.accelerometer.increments[samples]), 1)
+        found = measured[:, 3:].astype(np.float64)
+        for state, axis in zip(self.acting - NAV, np.arange(self.acting.size) % BIASES - 3, strict=True):
+            if axis >= 0:
+                found[:, axis] -= self.flight.dt * estimates[:, state]
+        for state, of, by in coupled_states(self.blocks):
+            if of >= 3:
+                found[:, of - 3] -= measured[:, by] * estimates[:, state - NAV]
+        return found
+
     def _own_step(self, samples: int) -> tuple[FloatArray, FloatArray]:
         """Return the transition and the noise (process, 3, 3) of c over some samples."""
         if samples not in self.own_steps:  # most steps are alike
@@ -341,6 +361,10 @@ class _Propagation:
         # (I − G F) P (I − G F)ᵀ
         self.P = self.P - G @ (F @ self.P)
         self.P = self.P - (self.P @ F.mT) @ G.T
+        half = np.eye(3) + 0.5 * np.cross(np.eye(3), update.turn)  # I + ½ [x ×]
+        self.columns[ATT] = half @ self.columns[ATT]
+        self.P[:, ATT] = half @ self.P[:, ATT]
+        self.P[:, :, ATT] = self.P[:, :, ATT] @ half.T
 
     def _variances(self, sample: int) -> FloatArray:
         """Return the variances (source, quantity) at a sample."""

@@ -86,11 +86,19 @@ class Update(NamedTuple):
         Gain on errors in e.
     noise : dict
         By the channel of an error of the measurement, its effect (r, 3) on the measured numbers.
+    turn : (3,) array
+        Correction of the attitude, in e, by half of which the errors turn (`strapdown.reset_rate`) [rad].
     """
 
     H: FloatArray
     K: FloatArray
     noise: dict[int, FloatArray]
+    turn: FloatArray
+
+
+def is_corrected(run: Run) -> bool:
+    """Return whether the filter corrects its navigator."""
+    return bool(run.experiment.navigator.correction == "feedback")
 
 
 def updates_of(run: Run, epochs: Epochs, place: FloatArray) -> Iterator[Update | None]:
@@ -174,8 +182,11 @@ def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: Fl
     turned = C_fe @ ecef.axes(*place.T)
     none = np.zeros_like(turned)
     position, velocity = np.concatenate((turned, none), axis=1), np.concatenate((none, turned), axis=1)
+    corrections = np.einsum("mij,mj->mi", K[:, ATT], np.nan_to_num(solution.innovation[fixes]))
+    turn = is_corrected(run) * corrections
     return [
-        Update(H[k], K[k], {GPS_POSITION: position[k], GPS_VELOCITY: velocity[k]}) for k in range(fixes.size)
+        Update(H[k], K[k], {GPS_POSITION: position[k], GPS_VELOCITY: velocity[k]}, turn[k])
+        for k in range(fixes.size)
     ]
 
 
@@ -189,4 +200,5 @@ def _aid_update(run: Run, aid: int, here: FloatArray) -> Update:
     noise = {SENSOR_CHANNELS[sensor]: np.array([[1.0, 0.0, 0.0]])} if sensor else {}
     if kind == AIRSPEED:  # a change of the wind changes what is measured as H says
         noise[WIND] = np.append(H[blocks.states_of(run.blocks, blocks.WIND)], 0.0)[None]
-    return Update(H[None], K[:, None], noise)
+    turn = is_corrected(run) * K[ATT] * solution.aid_innovation[aid]
+    return Update(H[None], K[:, None], noise, turn)
