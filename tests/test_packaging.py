@@ -205,9 +205,12 @@ def test_what_a_module_imports_first_comes_with_an_installation_without_extras()
             modules = [one.name for one in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 modules = [node.module]
-            for top in {module.partition(".")[0] for module in modules} - sys.stdlib_module_names:
-                if top not in {"lab", "dashboards"} and not there & set(map(canonicalize_name, homes[top])):
-                    missing.append(f"{path.relative_to(ROOT)}: {top}")
+            tops = {module.partition(".")[0] for module in modules} - sys.stdlib_module_names
+            missing += [
+                f"{path.relative_to(ROOT)}: {top}"
+                for top in tops - {"lab", "dashboards"}
+                if not there & set(map(canonicalize_name, homes[top]))
+            ]
     assert not missing
 
 

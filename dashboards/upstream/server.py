@@ -322,7 +322,7 @@ def end_left_pages(after: float) -> None:
         if session is not None and handler.close_code == GOING_AWAY:
             IOLoop.current().call_later(after, session.request_expiration)
 
-    WSHandler.on_close = close  # type: ignore[method-assign]
+    WSHandler.on_close = close  # type: ignore[assignment, method-assign]
 
 
 async def end_socket(document: Document, code: int, reason: str) -> None:

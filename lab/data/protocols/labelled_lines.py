@@ -126,7 +126,8 @@ def labelled_samples(lines: Sequence[str]) -> Iterator[LabelledSamples]:
             if (ids[place : place + period] == ids[at : at + period]).all()
         ]
         values = np.array(rows).reshape(-1, count)
-        headings, others = _headings(block, (np.diff(values, axis=0) > 0).all(axis=0).tolist())
+        rising = [bool((np.diff(one) > 0).all()) for one in values.T]
+        headings, others = _headings(block, rising)
         clocks = tuple(kind == "c" for one in block for kind in one.kinds)
         labels = [_name(_cut(text, k)[1]) for one in block for k, text in enumerate(one.texts[:-1])]
         is_named = sum(map(bool, labels)) > count / 2
