@@ -145,7 +145,7 @@ def _without_rare_vectors(lines: Sequence[str]) -> Sequence[str]:
         is_vector = len(cells.kinds) >= AXES and any(_name(text) for text in cells.texts[:-1])
         shapes.append((cells.texts, cells.kinds) if is_vector else None)
     counts = Counter(shape for shape in shapes if shape is not None)
-    least = _RARE * max(counts.values(), default=0)
+    least = _RARE * max(counts.values(), default=0) - 1  # the first and the last sample may be cut
     if all(count >= least for count in counts.values()):
         return lines
     return [
