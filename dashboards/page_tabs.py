@@ -49,11 +49,14 @@ IN_TABS = tuple(chain.from_iterable(TABS.values()))
 _NOTHING = {"& button[data-nothing]": {"fontStyle": "italic", "opacity": 0.92, "fontWeight": 300}}
 """As far as letters may be dimmed that must still be read."""
 _TAB = {"minWidth": "0", "padding": "12px 12px", "letterSpacing": "0"}
+_EDGE = "1px solid rgba(128, 128, 128, .35) !important"
+"""Left edge of a part on a phone, where it may be the first of a second row."""
 _PART = {
     "& button": {
         **{"whiteSpace": "nowrap", "padding": "3px 12px", "textTransform": "none"},
-        "@media (max-width: 480px)": {"padding": "3px 7px"},
+        "@media (max-width: 480px)": {"padding": "3px 7px", "width": "auto", "borderLeft": _EDGE},
     },
+    "@media (max-width: 480px)": {"flexWrap": "wrap", "maxWidth": "calc(100vw - 24px)"},
     **_NOTHING,
 }
 _ROW = """

@@ -299,7 +299,7 @@ class SettingsPanel:
             items=[{"label": title} for title in RESETS],
             size="small",
             variant="outlined",
-            margin=(12, 0, 8, 8),
+            margin=(12, 0, 8, 4),
             description="Reset settings to what they were at first. The arrow at the top brings them back.",
             sx={"padding": "3px 5px"},
             stylesheets=[TOOLTIP],

@@ -35,14 +35,13 @@ KINDS: dict[str, Callable[[list[Path]], Found]] = {
 }
 """What is found in a file, by what is written on the button."""
 _WORDS = (
-    "<p>Constant errors of sensors, each judged on data that it did not see, and refused where it gains "
-    "nothing. "
-    "<b>IMU</b>: a log in which it rests for three seconds in each of the six faces of a box, each of "
-    "them twice "
-    "or more, and in some attitudes between, with turns between them. <b>Magnetometer</b>: a log in which it "
-    "turns in all directions, or once round. <b>Mounting</b>: the drive of this page, a sensor log of a "
-    "vehicle on "
-    f"wheels. Up to {MAX_BYTES // 2**20} MB.</p>"
+    "<p>This page finds the constant errors of a sensor. Each is tested on data that were not used to find "
+    "it, and dropped if it does not help.</p>"
+    "<p><b>IMU</b>: record a log in which the IMU rests three seconds on each of the six faces of a box, "
+    "twice or more, and in some attitudes between. Turn it by hand between the rests.<br>"
+    "<b>Magnetometer</b>: record a log in which it turns in all directions, or once round.<br>"
+    "<b>Mounting</b>: open the sensor log of a drive on wheels as the mission, then press the button "
+    f"above.</p><p>A log may have up to {MAX_BYTES // 2**20} MB.</p>"
 )
 
 
@@ -59,14 +58,14 @@ class Calibrate(OwnPage):
     def make(self) -> pn.viewable.Viewable:
         """Return the buttons, and the place of the outcome."""
         self._kind = pmui.RadioButtonGroup(
-            options=list(KINDS), value="IMU", label="What the log is of", size="small", margin=(10, 8)
+            options=list(KINDS), value="IMU", label="The log is of", size="small", margin=(10, 8)
         )
         self.job = Job(closeable=True)
         self._upload = Upload(
             self._arrived, self.job.say, label="Choose or drop a log", variant="outlined", margin=(10, 8)
         )
         self._mounting = pmui.Button(
-            label="Mounting in the drive of this page",
+            label="Find the mounting in this mission",
             icon="directions_car",
             variant="outlined",
             margin=(10, 8),

@@ -28,9 +28,10 @@ from lab.views.figures import TimeAxis
 OWN_REST = "The longest rest of the drive"
 NO_DRIVE = "No drive"
 WORDS = (
-    "<p>Which noise goes into a filter: that of the IMU at rest, and what the filter needs in the vehicle, "
-    "each with its interval, the factor between them and its cause. Logs are files with an IMU, of a drive "
-    f"with a GPS receiver, too, up to {MAX_BYTES // 2**20} MB; or logs among the missions.</p>"
+    "<p>This page finds the noise that a filter should assume. A log at rest shows the noise of the IMU; a "
+    "log of a drive with a GPS receiver shows what the filter needs in the vehicle. Each number has its 95 % "
+    "interval; the factor between the two has its cause. Choose logs among the missions, or files of up to "
+    f"{MAX_BYTES // 2**20} MB.</p>"
 )
 _STYLE = """
 table { margin-bottom: 12px; }
@@ -68,7 +69,7 @@ class Numbers(OwnPage):
                 size="small",
                 margin=(10, 8),
             )
-            for name, label in (("still", "A log at rest of mine"), ("drive", "A log of a drive of mine"))
+            for name, label in (("still", "My log at rest"), ("drive", "My log of a drive"))
         }
         self._button = pmui.Button(
             label="Find the numbers", variant="contained", size="small", margin=(10, 8)

@@ -18,8 +18,9 @@ from lab.experiment.judged_log import judge
 from lab.views.foreign_filter import ForeignFigure, foreign_html
 
 _WORDS = (
-    f"<p>What a filter that is not ours says of itself: {', '.join(kind.name for kind in KINDS)}. Up to "
-    f"{MAX_BYTES // 2**20} MB. Each sentence is followed by what it rests on.</p>"
+    "<p>This page judges the filter of an autopilot, or any other, by the innovations in its log. It reads "
+    f"{', '.join(kind.name for kind in KINDS)}, up to {MAX_BYTES // 2**20} MB. Each sentence names its "
+    "evidence.</p>"
 )
 
 

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.browser
 def test_a_simulated_drive_is_refused_and_a_dropped_log_calibrated(shared_page: Page, tmp_path: Path) -> None:
     page = shared_page
     show(page, "Calibration")
-    page.get_by_role("button", name="Mounting in the drive of this page").click()
+    page.get_by_role("button", name="Find the mounting in this mission").click()
     expect(page.get_by_text("is a simulated mission, whose IMU is mounted straight")).to_be_visible()
     expect(page.get_by_role("button", name="Download calibration.toml")).to_be_hidden()
     rng = np.random.default_rng(1)

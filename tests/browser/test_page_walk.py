@@ -40,9 +40,9 @@ WORDS = {
     "Allan": ("Gyros: White noise N",),
     "Budget": ("At the end, σ of",),
     "Microscope": ("x⁺ = K y",),
-    "Calibration": ("Constant errors of sensors",),
-    "Numbers": ("Which noise goes into a filter",),
-    "Other filters": ("What a filter that is not ours says of itself",),
+    "Calibration": ("finds the constant errors of a sensor",),
+    "Numbers": ("finds the noise that a filter should assume",),
+    "Other filters": ("judges the filter of an autopilot",),
     "Lessons": ("Tuning R", "Break it: one hidden fault in each"),
 }
 """What is written on a tab; those that are not in `FIRST` have no figure."""

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.conftest import show, shown, wait_for
+from tests.browser.conftest import HEIGHT, WIDTH, eventually, show, shown, wait_for
 
 pytestmark = pytest.mark.browser
 
 COVERED = """
 () => {
+  const isSeen = (one) => !["STYLE", "LINK"].includes(one.tagName) && getComputedStyle(one).opacity > 0;
   const inside = (root) => [...root.querySelectorAll("*")].some((one) =>
-    one.dataset?.waiting || (one.shadowRoot && inside(one.shadowRoot)));
+    (one.dataset?.waiting && ![...one.shadowRoot.children].some(isSeen)) ||
+    (one.shadowRoot && inside(one.shadowRoot)));
   window.covered = [];
   document.addEventListener("click", () => setTimeout(() => window.covered.push(inside(document)), 0), true);
 }
@@ -51,6 +53,27 @@ def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(sha
     assert page.evaluate("window.covered[0]")
     page.get_by_role("button", name="Cards", exact=True).click()  # another part of it may have been open last
     expect(page.get_by_text("Sensors in use")).to_be_visible()
+
+
+def test_all_parts_of_a_tab_are_within_the_width_of_a_phone_and_the_card_is_named_in_full(
+    shared_page: Page,
+) -> None:
+    page = shared_page
+    sensors = page.get_by_role("combobox", name="Sensors")
+    assert sensors.evaluate("(one) => one.scrollWidth <= one.clientWidth")  # its name is not cut
+    show(page, "Verdict")
+    page.set_viewport_size({"width": 390, "height": 844})
+    try:
+        for title in ("Verdict", "Other filters"):
+            part = page.get_by_role("button", name=title, exact=True)
+            eventually(page, lambda part=part: _right_of(part) <= 390)  # type: ignore[misc]
+    finally:
+        page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+
+
+def _right_of(part: Locator) -> float:
+    box = part.bounding_box()
+    return float("inf") if box is None else box["x"] + box["width"]
 
 
 def test_a_note_of_a_link_is_text_to_be_changed_and_deleted(

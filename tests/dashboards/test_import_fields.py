@@ -6,11 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from bokeh.document import Document
 from writers.nmea import sentence
 
-from dashboards.pages.missions.draft import Draft
+from dashboards.pages.missions.draft import Draft, fine
 from dashboards.pages.missions.import_fields import ColumnField
 from dashboards.session import Session
 from lab.data.files.profile import read_profile
@@ -167,3 +168,7 @@ def test_what_the_table_does_not_offer_is_no_answer(
     draft.read([rest(tmp_path / "imu.csv", 1.0)])
     draft._table._table.edits = edits
     assert draft._table.answers() == {}
+
+
+def test_samples_without_a_fault_are_counted() -> None:
+    assert fine(np.arange(1963) / 10) == "The file looks fine: 1,963 samples at 10 Hz, 196 s."

@@ -19,6 +19,7 @@ from dashboards.pages.missions.naming import Naming
 from dashboards.session import Session
 from dashboards.style import WHOLE, plain_column, whole_column, wide_html
 from dashboards.upload import without_folder
+from lab.base.arrays import FloatArray
 from lab.base.progress import Progress
 from lab.data.formats import may_be_table, read_raw
 from lab.data.log.sensor_log import SensorLog
@@ -215,7 +216,8 @@ class Draft:
     def _show_flight(self, flight: FlightImport) -> None:
         self._raw = flight.raw
         verdict = flight.report.verdict
-        self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
+        words = fine(flight.flight.raw.time) if verdict == "plausible" else verdict.capitalize()
+        self._verdict.say(words, SEVERITY[verdict], flight.report.reasons)
         self._add.label = f"{SIMULATE}, all the same" if verdict == "implausible" else SIMULATE
         self._report.object = rows_html(flight.report)
         self._units.show(() if self._table.view.visible else flight.raw.units)
@@ -336,3 +338,10 @@ def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:
     yield pn.pane.Bokeh(track, height=HIGH, sizing_mode="stretch_width", margin=0)
     panes = [pn.pane.Bokeh(one, height=HIGH // 5, sizing_mode="stretch_width", margin=0) for one in times]
     yield whole_column(*panes)
+
+
+def fine(time: FloatArray) -> str:
+    """Return what is said of the samples of a file in which nothing is suspicious, at times [s]."""
+    duration = float(time[-1] - time[0])
+    rate = (len(time) - 1) / duration
+    return f"The file looks fine: {len(time):,} samples at {rate:.3g} Hz, {duration:,.0f} s."
