@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl, unquote_plus, urlencode
 from bokeh.document import Document
 
 from dashboards.computing import LONG, LatestWins, Outcome, run
-from dashboards.holding import LONGEST_NAME, is_renamed, name_of
+from dashboards.holding import LONGEST_NAME, is_renamed, name_of, named
 from dashboards.notes import MOST_FIELDS
 from dashboards.openings import Openings
 from dashboards.query import HELD, experiment_of_query, query
@@ -144,7 +144,8 @@ class HeldLinks:
         elif outcome.result.is_long:
             self._session.problem = "A result of so long a flight cannot be held."
         elif len(self._session.held) < MOST_HELD:
-            self._session.held = (*self._session.held, Held(name, outcome.result))
+            held = (*self._session.held, Held(name, outcome.result))
+            self._session.held = named(held, self._session.shows_sigmas)
         self._begin()
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from itertools import permutations
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
@@ -28,6 +31,7 @@ LONGEST_NAME = 40
 """Longest name that a person gives to a held result [characters]."""
 NAMED = 2
 """Most settings in the name of a result."""
+_MORE = re.compile(r", \d+ more$")
 
 
 class Holding:
@@ -81,17 +85,12 @@ class Holding:
         elif len(held) == MOST_HELD:
             self._session.problem = f"{MOST_HELD} results are held. Remove one of them first."
         else:
-            self._session.held = (*held, Held(name_of(result.experiment, self._session.shows_sigmas), result))
+            one = Held(name_of(result.experiment), result)
+            self._session.held = named((*held, one), self._session.shows_sigmas)
 
     def _name_again(self) -> None:
         """Name the held results that no person has named, once the fields show σ, or variances."""
-        sigmas = self._session.shows_sigmas
-        self._session.held = tuple(
-            one._replace(name=name_of(one.result.experiment, sigmas))
-            if not is_renamed(one.result.experiment, one.name)
-            else one
-            for one in self._session.held
-        )
+        self._session.held = named(self._session.held, self._session.shows_sigmas)
 
     def _list(self) -> None:
         """Show the held results; the one that is being renamed has a field for its name."""
@@ -132,10 +131,9 @@ class Holding:
         held = list(self._session.held)
         self._renamed = -1
         if slot < len(held):
-            own = name_of(held[slot].result.experiment, self._session.shows_sigmas)
-            called = name.strip()[:LONGEST_NAME] or own
+            called = name.strip()[:LONGEST_NAME] or name_of(held[slot].result.experiment)
             held[slot] = held[slot]._replace(name=called)
-        self._session.held = tuple(held)
+        self._session.held = named(held, self._session.shows_sigmas)
         self._list()
 
     def _bring_back(self, held: Held) -> None:
@@ -150,18 +148,33 @@ class Holding:
 
     def _remove(self, held: Held) -> None:
         self._renamed = -1
-        self._session.held = tuple(one for one in self._session.held if one is not held)
+        left = [one for one in self._session.held if one is not held]
+        self._session.held = named(left, self._session.shows_sigmas)
 
 
-def name_of(experiment: Experiment, sigmas: bool = False) -> str:
+def named(held: Sequence[Held], sigmas: bool) -> tuple[Held, ...]:
+    """Return held results with their names, which tell them apart, unless a person has named them."""
+    together = [one.result.experiment for one in held]
+    return tuple(
+        one
+        if is_renamed(one.result.experiment, one.name)
+        else one._replace(name=name_of(one.result.experiment, sigmas, together))
+        for one in held
+    )
+
+
+def name_of(experiment: Experiment, sigmas: bool = False, together: Sequence[Experiment] = ()) -> str:
     """Return what differs from the defaults in some settings, in a few words, as their fields show it.
+
+    What all of the experiments in ``together`` share comes last, since it does not tell them apart.
 
     >>> name_of(Experiment().update({"navigator": {"q_scale": 0.1}}))
     'Q scale 0.1'
     >>> name_of(Experiment().update({"sensors.gps.position_variance": 0.49}), sigmas=True)
     'Position σ 0.7'
     """
-    changed = parse_qsl(query(experiment))
+    shared = set.intersection(*(set(parse_qsl(query(one))) for one in together or (experiment,)))
+    changed = sorted(parse_qsl(query(experiment)), key=shared.__contains__)
     words = [_words(path, value, sigmas) for path, value in changed[:NAMED]]
     more = [f"{len(changed) - NAMED} more"] if len(changed) > NAMED else []
     return ", ".join(words + more) or AS_DELIVERED
@@ -177,4 +190,7 @@ def _words(path: str, text: str, sigmas: bool) -> str:
 
 def is_renamed(experiment: Experiment, name: str) -> bool:
     """Return whether a person gave a held result its name."""
-    return name not in (name_of(experiment), name_of(experiment, sigmas=True))
+    changed = parse_qsl(query(experiment))
+    words = {_words(path, value, sigmas) for path, value in changed for sigmas in (False, True)}
+    first, count = _MORE.sub("", name), min(NAMED, len(changed))
+    return first not in map(", ".join, permutations(words, count)) and name != AS_DELIVERED

@@ -55,7 +55,7 @@ def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(sha
     expect(page.get_by_text("Sensors in use")).to_be_visible()
 
 
-def test_all_parts_of_a_tab_are_within_the_width_of_a_phone_and_the_card_is_named_in_full(
+def test_the_parts_of_a_tab_fit_a_phone_and_the_card_is_named_in_full(
     shared_page: Page,
 ) -> None:
     page = shared_page

@@ -6,16 +6,18 @@ from collections.abc import Iterator
 from html import unescape
 from importlib.resources import files
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from panel.io.state import set_curdoc
 from walking import TITLES, Walk, walking
 
-from dashboards.holding import AS_DELIVERED, LONGEST_NAME, name_of
+from dashboards.holding import AS_DELIVERED, LONGEST_NAME, is_renamed, name_of, named
 from dashboards.query import View, query_of_view, view_of_query
 from dashboards.session import MOST_HELD, Held
 from lab.classroom.lessons.lesson_file import read_lesson
 from lab.experiment.experiment import Experiment
+from lab.sensors.cards import card as load_card
 
 
 @pytest.fixture
@@ -60,6 +62,26 @@ def test_a_result_is_named_by_what_differs() -> None:
     assert (name_of(other), name_of(other, sigmas=True)) == ("Position variance 0.49", "Position σ 0.7")
     hidden = Experiment(mission="<b>")
     assert name_of(hidden) == "<b>"
+
+
+@pytest.mark.parametrize("card", [None, "ADIS16470"])
+def test_held_results_are_named_by_what_tells_them_apart(card: str | None) -> None:
+    made = Experiment(mission="los_angeles")
+    made.set("trajectory.imu_rate", 50.0)
+    if card:
+        load_card(card).load(made)
+    held = []
+    for q_scale in (1.0, 0.1, 0.5):
+        made.set("navigator.q_scale", q_scale)
+        held.append(Held(name_of(made), SimpleNamespace(experiment=made.copy())))  # type: ignore[arg-type]
+    names = [one.name for one in named(held, sigmas=True)]
+    assert len(set(names)) == 3
+    assert [name.split(", ")[0] for name in names[1:]] == ["Q scale 0.1", "Q scale 0.5"]
+    experiments = [one.result.experiment for one in held]
+    assert not any(map(is_renamed, experiments, names))
+    assert all(map(is_renamed, experiments, reversed([f"{name} " for name in names])))
+    mine = held[0]._replace(name="mine")
+    assert named([mine, held[1]], sigmas=True)[0].name == "mine"
 
 
 def test_lists_of_settings_name_variances_as_their_fields_do(walk: Walk) -> None:
