@@ -45,9 +45,7 @@ class OtherFilters(OwnPage):
         self._smoother = pmui.Checkbox(label="Compare with our smoother", size="small", margin=(0, 16))
         self.words = wide_html(_WORDS, margin=(4, 20), stylesheets=[TABLE_STYLE])
         self._drawn_figure = ForeignFigure()
-        self._pane = pn.pane.Bokeh(
-            self._drawn_figure.figure, sizing_mode="stretch_width", height=300, margin=(4, 16)
-        )
+        self._pane = pn.pane.Bokeh(self._drawn_figure.figure, sizing_mode="stretch_width", margin=(4, 16))
         self._plot = hideable(self._pane)
         return plain_column(
             self._upload, self._smoother, plain_column(self.job.view, margin=(0, 16)), self._plot, self.words

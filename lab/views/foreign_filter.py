@@ -122,15 +122,16 @@ class ForeignFigure:
 
 
 def _empty() -> figure:
-    return plain_figure(
+    made = plain_figure(
         "Root mean square of the innovations in their σ (1: as large as the filter says)",
         "time [s]",
-        height=260,
         x_range=Range1d(start=0.0, end=1.0),
         y_range=Range1d(start=0.1, end=10.0),
         y_axis_type="log",
         tools="xbox_zoom,xwheel_zoom,reset",
     )
+    made.update(sizing_mode="stretch_width", height=300)
+    return made
 
 
 def rms_over_time(one: Measurement) -> tuple[np.ndarray, np.ndarray]:
