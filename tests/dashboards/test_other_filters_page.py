@@ -1,0 +1,19 @@
+"""The page Other filters as objects: its layout; `test_other_filters_in_browser` drops logs on it."""
+
+from __future__ import annotations
+
+import pytest
+from bokeh.document import Document
+
+from dashboards.pages.other_filters import OtherFilters
+from dashboards.upstream.components import begin_components_faster
+from lab.views.figures import TimeAxis
+
+
+def test_the_page_is_laid_out_without_a_part_that_wants_another_size(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    begin_components_faster()
+    page = OtherFilters(TimeAxis())
+    page.view.get_root(Document())
+    assert "sizing_mode" not in caplog.text
