@@ -327,12 +327,12 @@ class _Propagation:
         estimates = np.concatenate(parts, axis=1, dtype=np.float64)
         measured = np.concatenate((run.gyro.increments[samples], run.accelerometer.increments[samples]), 1)
         found = measured[:, 3:].astype(np.float64)
-        for state, axis in zip(self.acting - NAV, np.arange(self.acting.size) % BIASES - 3, strict=True):
-            if axis >= 0:
-                found[:, axis] -= self.flight.dt * estimates[:, state]
-        for state, of, by in coupled_states(self.blocks):
-            if of >= 3:
-                found[:, of - 3] -= measured[:, by] * estimates[:, state - NAV]
+        biases = [(state, place % BIASES) for place, state in enumerate(self.acting)]
+        for state, of, by in [*((*bias, -1) for bias in biases), *coupled_states(self.blocks)]:
+            triad, axis = divmod(of, 3)
+            if triad == ACCELEROMETER:
+                effect = self.flight.dt if by < 0 else measured[:, by]
+                found[:, axis] -= effect * estimates[:, state - NAV]
         return found
 
     def _own_step(self, samples: int) -> tuple[FloatArray, FloatArray]:
