@@ -230,6 +230,7 @@ FORMS = {
     "with_a_slow_sensor": Form(
         "accelerometer,{ms},@F\ngyroscope,{ms},@W\n{slow}", "m", "rad", 3, 0.0, slow="magnetometer,{ms},@M\n"
     ),
+    "units_in_cells": Form(_axes("f", "#,g,") + _axes("w", "#,dps,") + "\n", "g", "deg"),
     "time_first": Form("{ms},ACC,@F\n{ms},GYR,@W\n", "m", "rad", 3, 0.0),
     "quectel": Form("$PQTMIMU,{ms},@F,@W,0,0*hh\r\n", "m", "deg", 6, 0.0),
 }  # fmt: skip

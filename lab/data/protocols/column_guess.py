@@ -96,7 +96,8 @@ def guess_columns(lines: Sequence[str], said: Mapping[str, str] | None = None) -
     if said:
         return _of_separated(lines, said) or _of_labelled(lines, said)
     for pattern, columns, whose in _KNOWN:
-        if sum(pattern.match(line) is not None for line in lines) >= PERIODS:
+        is_whole = all(any(line.startswith(first) for line in lines) for first, *_ in columns.texts)
+        if is_whole and sum(pattern.match(line) is not None for line in lines) >= PERIODS:
             return replace(columns, remarks=(f"{whose}.",))
     return _of_separated(lines) or _of_labelled(lines)
 

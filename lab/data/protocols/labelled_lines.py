@@ -226,7 +226,7 @@ def _headings(block: Sequence[Cells], grow: Sequence[bool] = ()) -> tuple[list[s
         labels = _labels(line)
         # A time stands between the name and three numbers.
         named_alone = len(line.kinds) == 4 and not any(label for _, label in labels[1:])
-        if named_alone and labels[0][1] and all(grow[len(names) : len(names) + 1]) and grow:
+        if named_alone and labels[0][1] and any(grow[len(names) : len(names) + 1]):
             labels[:2] = [("", "time"), ("", labels[0][1])]
         for at, (unit, label) in enumerate(labels):
             if at and not units.get(groups[-1]):
@@ -244,7 +244,8 @@ def _headings(block: Sequence[Cells], grow: Sequence[bool] = ()) -> tuple[list[s
                 group = max(groups, default=-1) + 1
                 names.append((label, ""))
             else:
-                names.append((section, "xyz"[count : count + 1]))
+                group += not section and count and count % AXES == 0  # numbers without a name come in threes
+                names.append((section, "xyz"[count : count + 1] if section else "xyz"[count % AXES]))
                 count += 1
             groups.append(group)
             titles.append(title)

@@ -14,7 +14,7 @@ from lab.data.streams.transport import Chunk
 
 NAMED = (
     "teleplot_with_times", "motioncal_raw", "motioncal", "razor_sensors", "smbus", "circuitpython",
-    "ros2_csv", "zephyr_lsm6dsl", "zephyr_mpu6050", "px4_listener", "bmi270", "um7",
+    "ros2_csv", "zephyr_lsm6dsl", "zephyr_mpu6050", "px4_listener", "bmi270", "um7", "units_in_cells",
 )  # fmt: skip
 """Texts that say the unit of their rates: nothing is asked."""
 
