@@ -164,7 +164,12 @@ _NOT_READ = (
         re.compile(rb"[^\n]{40,70}RINEX VERSION"),
         "It holds raw observations of satellites (RINEX) and no positions.",
     ),
-    (re.compile(rb"[^\0]{0,2000}?\n[^\0A-Za-z]*\d[^\0A-Za-z]*[,;\t ][^\0A-Za-z]*\d"), _TABLE),
+    (
+        re.compile(
+            rb"[^\0]{0,2000}?\n[^\0A-Za-z\n]{0,99}\d[^\0A-Za-z\d\n]{0,9}[,;\t ][^\0A-Za-z\d\n]{0,99}\d"
+        ),
+        _TABLE,
+    ),
 )
 """How files of known formats that are not read begin, and the advice that is reported."""
 

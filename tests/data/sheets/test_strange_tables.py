@@ -1,5 +1,7 @@
 """Tables of makers and of spreadsheets that nobody here had seen: what they say is read, or asked for."""
 
+import time
+
 import numpy as np
 import pytest
 from phone_drive import drive, trajectory
@@ -268,6 +270,15 @@ def test_a_position_that_never_changes_is_of_the_remote_control(tmp_path):
     head = "time,{0}_gps_latitude,{0}_gps_longitude,{1}_gps_latitude,{1}_gps_longitude,altitude_m"
     head = head.format("controller", "product")
     is_the_drive(read_raw([write(tmp_path / "a.csv", head, *columns)]))
+
+
+def test_a_text_of_digits_is_refused_at_once(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("// a\n" + "9" * 60_000)
+    begin = time.process_time()
+    with pytest.raises(MissionError, match="its format is unknown"):
+        read_raw([path])
+    assert time.process_time() - begin < 5
 
 
 def test_subtitles_are_named(tmp_path):
