@@ -67,7 +67,8 @@ GLUED = re.compile(
 LEADING = re.compile(rf"(?i)^([xyz])[\s_.-]*(?:rate|{_any_of(_SENSED, FIELD_WORDS)})(?![a-z])")
 """A word of a sensor behind its axis, such as ``x_acc``."""
 MIDDLE = re.compile(
-    rf"(?i)(?:^|[\s_.:/-])(?:{_any_of(_SENSED, FIELD_WORDS - {'vector'})})[\s_.-]+([xyz][\s_.-]+)(?=[a-z])"
+    rf"(?i)(?:^|[\s_.:/-])(?:{_any_of(_SENSED, FIELD_WORDS - {'vector'})})[\s_.-]+([xyz][\s_.-]+)"
+    r"(?!rms|peak|avg|median|sum)(?=[a-z])"
 )
 """A word of a sensor with its axis and a place behind it, such as ``acc_x_dashboard``."""
 GLUED_FIELD = re.compile(r"(?i)^(?:(?:.*[\s_.:/-])?mag|[bm])([xyz])$")

@@ -23,7 +23,7 @@ from lab.data.files.unit_names import UNITS
 from lab.data.log.log_remarks import span_text
 from lab.data.log.sensor_log import GnssLog
 from lab.data.sheets.column_names import GIVEN, VECTORS, Heading
-from lab.data.sheets.column_words import SENSORS
+from lab.data.sheets.column_words import SENSORS, WORSE
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_clock import Clock, clock_of
 from lab.motion.frames.displacement import velocity_of_positions
@@ -154,7 +154,7 @@ def _apart(gyro: Triad, force: Triad) -> tuple[bool, bool]:
     """Return whether two sensors differ in sheet or numbers, and in the place that their headings name."""
     numbers = [_NUMBERS.findall(one.headings[0].sensor) for one in (gyro, force)]
     places = [
-        {word for word in one.headings[0].sensor.lower().split() if word not in _SENSOR_WORDS}
+        {word for word in one.headings[0].sensor.lower().split() if word not in _SENSOR_WORDS | WORSE.keys()}
         for one in (gyro, force)
     ]
     return gyro.sheet is not force.sheet or numbers[0] != numbers[1], places[0] != places[1]
