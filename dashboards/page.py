@@ -182,7 +182,8 @@ class SimulatorPage:
             self._steps.pop(0)()
         while self._steps and self._openings is None:
             self._steps.pop(0)()
-        self._view = self._frame()  # the garbage of an ended page is found from here
+        # The garbage of an ended page is found from these; Panel drops the second one with the document.
+        self._view, self._known_to_panel = self._frame(), pn.state.browser_info
         self._view.param.watch(self._dress, "dark_theme")
         if self._view.dark_theme:
             self._dress()
