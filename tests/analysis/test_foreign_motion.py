@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,18 @@ def test_straight_motion_shows_no_heading() -> None:
     one, gnss = innovations(1, heading=0.5)
     gnss.velocity_n[:] = gnss.velocity_n[0] + NOISE * np.random.default_rng(1).normal(size=(len(TIME), 3))
     assert heading_error(one, gnss, 0.0) is None
+
+
+@pytest.mark.filterwarnings("error")
+def test_damaged_fixes_and_innovations_of_zero_show_no_heading() -> None:
+    one, gnss = innovations(1, heading=0.5)
+    still = replace(gnss, time=np.zeros(len(TIME)))
+    fast = replace(gnss, time=1e-7 * TIME)
+    unknown = replace(gnss, velocity_n=np.full((len(TIME), 3), np.nan))
+    for other in (still, fast, unknown):
+        assert heading_error(one, other, 0.0) is None
+    zero = replace(one.innovations, values=0 * one.innovations.values, normalised=0 * one.innovations.values)
+    assert heading_error(replace(one, innovations=zero), gnss, 0.0) is None
 
 
 def test_a_real_log_whose_simulator_logged_the_true_heading() -> None:

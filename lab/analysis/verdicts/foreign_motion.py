@@ -82,6 +82,8 @@ def heading_error(one: Measurement, gnss: GnssLog, epoch: float) -> HeadingError
     level = [axes.index(name) for name in AXES[:2]]
     nu, values = one.innovations.normalised[:, level], one.innovations.values[:, level]
     period = float(np.median(np.diff(at)))
+    if not period > 0:
+        return None  # damaged times
     width = max(1, round(BASELINE / period))
     rows = nearest(at, time)
     inside = (np.abs(at[rows] - time) < period) & np.isfinite(nu).all(axis=1)
@@ -89,7 +91,7 @@ def heading_error(one: Measurement, gnss: GnssLog, epoch: float) -> HeadingError
     nu, values, rows = nu[inside], values[inside], rows[inside]
     a = _acceleration(velocity, width, period)
     noise = float(np.median(np.diff(velocity, 2, axis=0) ** 2)) / SECOND_DIFFERENCES
-    if len(rows) < FEWEST or np.mean(a**2) < CLEAR * noise / (2 * (width * period) ** 2):
+    if len(rows) < FEWEST or not nu.any() or np.mean(a**2) < CLEAR * noise / (2 * (width * period) ** 2):
         return None
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = np.abs(values / nu)
