@@ -51,6 +51,7 @@ from lab.classroom.lessons.lesson import RENAMED
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.live.owner import Visitor
+from lab.missions import Mission, missions
 from lab.run.memory import give_back
 from lab.views.figures import TimeAxis
 
@@ -193,6 +194,9 @@ class SimulatorPage:
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._is_ready())
         self._address.read()
+        chosen = missions().get(self.session.experiment.mission)
+        if chosen is not None:
+            self._name(chosen)
         if self.session.homework is not None:
             self._made(Lessons)  # it reminds of the homework on all pages
             self._dock.open()
@@ -500,6 +504,10 @@ class SimulatorPage:
         except Exception:
             log.exception("the page %s could not be prepared", self._tabs.kind.title)
 
+    def _name(self, mission: Mission) -> None:
+        """Write the title of a mission on the button that opens the missions."""
+        self._sheet.button.label = mission.title or mission.name
+
     def _new_result(self, event: param.parameterized.Event) -> None:
         result: Result | None = event.new
         if result is None:
@@ -508,7 +516,7 @@ class SimulatorPage:
             return
         self._epoch = result.epoch
         self._tabs.dim(result)
-        self._sheet.button.label = result.mission.title or result.mission.name
+        self._name(result.mission)
         self.axis.span(float(result.time[-1]))
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])

@@ -146,6 +146,7 @@ def test_a_reload_shows_tab_time_zoom_and_runs(monkeypatch: pytest.MonkeyPatch) 
         shown = page._shown_view()
         assert shown == View("Verdict", 12.5, (10.0, 60.0), 10)
         assert walk.sent()["search"] == page._address.search  # not lost while the result is computed
+        assert page._sheet.button.label == "Los Angeles"
         assert {kind.title for kind in page._pages} == {"Verdict"}  # others would take time
         page.session._browser_ready = True
         walk.run(Experiment(mission="los_angeles"))

@@ -6,14 +6,14 @@ import pytest
 from bokeh.document import Document
 
 from dashboards.pages.other_filters import OtherFilters
-from dashboards.upstream.components import begin_components_faster
+from dashboards.upstream.server import speed_up
 from lab.views.figures import TimeAxis
 
 
 def test_the_page_is_laid_out_without_a_part_that_wants_another_size(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    begin_components_faster()
+    speed_up()
     page = OtherFilters(TimeAxis())
     page.view.get_root(Document())
     assert "sizing_mode" not in caplog.text
