@@ -348,7 +348,6 @@ def _vehicle(log: ULogFile) -> str:
 def _losses(log: ULogFile) -> tuple[str, ...]:
     remarks = []
     if log.dropouts:
-        remarks.append(
-            f"The logger could not keep up {log.dropouts} times, for {log.dropped_seconds:.3g} s in all."
-        )
+        times = "once" if log.dropouts == 1 else f"{log.dropouts} times"
+        remarks.append(f"The logger could not keep up {times}, for {log.dropped_seconds:.3g} s in all.")
     return (*remarks, *streams.not_decoded(log.lost_bytes))

@@ -129,7 +129,7 @@ def test_a_local_position_is_on_the_map_of_px4():
 
 
 def test_what_is_lost_is_said_of_the_sensors_too(written, file):
-    assert any("could not keep up 1 times" in one for one in ulog.read_log(file(written)).repairs)
+    assert any("could not keep up once" in one for one in ulog.read_log(file(written)).repairs)
     half = len(written) // 2
     log = ulog.read_log(file(written[:half] + bytes(1000) + written[half + 1000 :]))
     assert any("could not be decoded" in remark for remark in log.repairs)
