@@ -171,10 +171,17 @@ def test_a_random_source_alone_has_the_spread_of_its_runs(source: str, errors: d
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         squares = list(pool.map(_squares, experiments))
     found = error_budget(experiments[0].run())
-    ratio = np.mean(squares, axis=0) / found.sigma.sel(source=source).values[SECOND_HALF, :9] ** 2
+    sigma, believed = (
+        values[SECOND_HALF, :9] for values in (found.sigma.sel(source=source).values, found.believed.values)
+    )
+    mean, size = (np.sqrt((np.mean(squares, axis=0) / of**2).mean(axis=0)) for of in (sigma, believed))
     CACHE.clear()
-    mean = np.sqrt(ratio.mean(axis=0))
     print(source, mean.round(3).tolist())
+    if source == "gyro turn-on bias σ":
+        # Upwards it acts by the square of the tilt, which no linear budget has, and which is next to nothing.
+        upwards = [2, 5]
+        assert max(size[upwards].max(), (sigma / believed).mean(axis=0)[upwards].max()) < 0.03
+        mean = np.delete(mean, upwards)
     # A number that is drawn once for each seed has a σ known to 1 / √(2 · seeds).
     assert np.abs(mean - 1).max() < 4 / np.sqrt(2 * seeds)
 
