@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from lab.cli.app import argument, option, working
 from lab.cli.interrupt import interrupted
-from lab.cli.options import Force
+from lab.cli.options import Force, MissionFolder
 from lab.missions import fly_mission
 
 EXAMPLES = """\b
@@ -33,9 +32,7 @@ def fly(
         ),
     ],
     seed: Annotated[int | None, option("--seed", "N", "Seed of the turbulence.", "the plan's own")] = None,
-    out: Annotated[
-        Path | None, option("--out", "FOLDER", "Folder for the mission.", "your own missions")
-    ] = None,
+    out: MissionFolder = None,
     force: Force = False,
 ) -> None:
     """Fly a mission's plan and record it.

@@ -151,9 +151,7 @@ def record(
             "--lever-arm", metavar="X,Y,Z", help="From the IMU to the antenna: forward, right, down [m]."
         ),
     ] = "0,0,0",
-    out: Annotated[
-        Path | None, option("--out", "FOLDER", "Folder for the mission.", "your own missions")
-    ] = None,
+    out: options.MissionFolder = None,
 ) -> None:
     """Record a source; with an IMU and fixes it becomes a mission.
 

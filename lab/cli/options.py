@@ -80,6 +80,9 @@ AlgorithmFiles = Annotated[
         "Your own algorithm beside the models; may be repeated. The file is executed.",
     ),
 ]
+MissionFolder = Annotated[
+    Path | None, option("--out", "FOLDER", "Folder for the mission.", "your own missions")
+]
 MOST_RUNS = 1_000_000
 """Most runs that a command takes."""
 Seeds = Annotated[

@@ -5,14 +5,13 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lab.cli.app import CommandError, argument, option, working
 from lab.cli.interrupt import interrupted
-from lab.cli.options import Force
+from lab.cli.options import Force, MissionFolder
 from lab.cli.terminal import ProgressLine
 from lab.missions import own_folder
 from lab.missions.mission_name import accepted_name
@@ -44,9 +43,7 @@ def record(
     ] = 50.0,
     seconds: Annotated[float | None, option("--seconds", "S", "How long to record.", "until Ctrl-C")] = None,
     title: Annotated[str, option("--title", "TEXT", "Title of the mission.")] = "",
-    out: Annotated[
-        Path | None, option("--out", "FOLDER", "Folder for the mission.", "your own missions")
-    ] = None,
+    out: MissionFolder = None,
     force: Force = False,
 ) -> None:
     """Record a mission from a running X-Plane.

@@ -336,32 +336,18 @@ def _result(best: _Found, judgement: Judgement, covered: str, source: str) -> Ma
     of_hard = np.sqrt(np.diagonal(basis @ best.covariance[:d, :d] @ basis.T))
     in_plane = (basis**2).sum(axis=1) > LIMITS.within
     for k, axis in enumerate(_AXES):
-        if in_plane[k]:
-            terms.append(
-                Term(GROUP, "hard iron", axis, float(hard[k]), float(of_hard[k]), "µT", best.degrees, True)
-            )
-        else:
-            terms.append(Term(GROUP, "hard iron", axis, 0.0, float("inf"), "µT", best.degrees, False))
+        value, sigma = (float(hard[k]), float(of_hard[k])) if in_plane[k] else (0.0, np.inf)
+        terms.append(Term(GROUP, "hard iron", axis, value, sigma, "µT", best.degrees, bool(in_plane[k])))
     if model.shaped:
         inverse = np.linalg.inv(T)
         derivatives = np.array([-(basis @ inverse @ one @ inverse @ basis.T) for one in _traceless(d)])
         spread = np.einsum("aij,ab,bij->ij", derivatives, best.covariance[d:-1, d:-1], derivatives)
         for row, column in ((0, 0), (1, 1), (2, 2), *_PAIRS):
             if in_plane[row] and in_plane[column]:
-                value, sigma = K[row, column] - (row == column), np.sqrt(max(spread[row, column], 0.0))
+                value = 100 * float(K[row, column] - (row == column))
+                sigma = 100 * float(np.sqrt(max(spread[row, column], 0.0)))
                 name = _AXES[row] + _AXES[column]
-                terms.append(
-                    Term(
-                        GROUP,
-                        "soft iron",
-                        name,
-                        100 * float(value),
-                        100 * float(sigma),
-                        "%",
-                        best.degrees,
-                        True,
-                    )
-                )
+                terms.append(Term(GROUP, "soft iron", name, value, sigma, "%", best.degrees, True))
     linear = Linear(hard, K) if judgement.gains else None
     sentences = [
         f"Of the log, {covered}; the model is: {model.name}{'' if model.shaped else ', without soft iron'}.",

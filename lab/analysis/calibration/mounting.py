@@ -411,36 +411,25 @@ def _errors(run: RecordedRun, validity: FloatArray, pieces: Sequence[tuple[int, 
 
 
 def _terms(angles: _Angles) -> tuple[Term, ...]:
+    *sigmas, arm = map(float, angles.sigma)
+    *values, place = map(float, angles.values)
     degrees = math.degrees(1.0)
-    terms = []
-    for place, axis in enumerate(("pitch", "yaw")):
-        sigma = float(angles.sigma[place])
-        terms.append(
-            Term(
-                GROUP,
-                "angle",
-                axis,
-                float(angles.values[place]) * degrees,
-                sigma * degrees,
-                "°",
-                math.inf,
-                sigma < LIMITS.known,
-            )
-        )
-    arm = float(angles.sigma[2])
-    terms.append(
+    return (
+        *(
+            Term(GROUP, "angle", axis, value * degrees, sigma * degrees, "°", math.inf, sigma < LIMITS.known)
+            for axis, value, sigma in zip(("pitch", "yaw"), values, sigmas, strict=True)
+        ),
         Term(
             GROUP,
             "place that does not slip",
             "forward",
-            float(angles.values[2]),
+            place,
             arm,
             "m",
             math.inf,
             arm < LIMITS.arm_sigma / 2,
-        )
+        ),
     )
-    return tuple(terms)
 
 
 def _sentences(
