@@ -8,7 +8,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.base import Page
-from dashboards.style import ON_SCREEN, TOOLTIP, plain_row, whole_column, wide_html
+from dashboards.style import ON_SCREEN, TOOLTIP, header_icon, plain_row, whole_column, wide_html
 
 SHEET = """
 :host { position: absolute !important; inset: 0; z-index: 6; overflow: hidden auto !important;
@@ -133,14 +133,7 @@ def mission_button() -> pmui.Button:
 
 def lessons_button() -> pmui.IconButton:
     """Return the button that opens the lessons."""
-    return pmui.IconButton(
-        icon="school",
-        description="Lessons, beside the plots",
-        size="small",
-        margin=(9, 0),
-        stylesheets=[TOOLTIP],
-        sx={"color": "#ffffff"},
-    )
+    return header_icon("school", "Lessons, beside the plots")
 
 
 _HEADING = "h2 { margin: 4px 0; font-size: 1.1rem; font-weight: 500; }"

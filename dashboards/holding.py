@@ -15,7 +15,7 @@ from dashboards.history import seen_value
 from dashboards.query import query
 from dashboards.seen_names import seen_label
 from dashboards.session import MOST_HELD, Held, Session
-from dashboards.style import TOOLTIP
+from dashboards.style import TOOLTIP, header_icon
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
 from lab.views.quantities import HELD as COLOURS
@@ -58,14 +58,7 @@ class Holding:
     def __init__(self, session: Session, keys: HistoryBar) -> None:
         self._session = session
         keys.hear(lambda what, _number: self.hold() if what == "hold" else None)
-        self.button = pmui.IconButton(
-            icon="push_pin",
-            description="Hold this result, to compare it with the next ones (H)",
-            size="small",
-            margin=(9, 0),
-            stylesheets=[TOOLTIP],
-            sx={"color": "#ffffff"},
-        )
+        self.button = header_icon("push_pin", "Hold this result, to compare it with the next ones (H)")
         self.button.on_click(lambda _event: self.hold())
         self._renamed = -1
         self.bar = pn.FlexBox(visible=False, margin=(2, 8), sizing_mode="stretch_width", align_items="center")

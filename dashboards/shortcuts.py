@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import panel_material_ui as pmui
 
 from dashboards.address import HistoryBar
-from dashboards.style import TOOLTIP, wide_html
+from dashboards.style import header_icon, wide_html
 
 KEYS = (
     ("1 to 7", "open a tab"),
@@ -61,14 +61,7 @@ class Shortcuts:
     def __init__(self, keys: HistoryBar, acts: Mapping[str, Callable[[int], None]]) -> None:
         self._acts: dict[str, Callable[[int], None]] = {**acts, "help": lambda _number: self._open()}
         keys.hear(self._do)
-        self.button = pmui.IconButton(
-            icon="help_outline",
-            description="What keys and mouse do (?)",
-            size="small",
-            margin=(9, 0),
-            stylesheets=[TOOLTIP],
-            sx={"color": "#ffffff"},
-        )
+        self.button = header_icon("help_outline", "What keys and mouse do (?)")
         self.button.on_click(lambda _event: self._open())
         self._words = wide_html(stylesheets=[_STYLE])
         self.list = pmui.Dialog(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import panel as pn
+import panel_material_ui as pmui
 
 _FIELDS: dict[str, Any] = {
     "MuiSelect": {
@@ -154,3 +155,15 @@ def choice_row(choice: Any, words: Any, **settings: Any) -> pn.Row:
 def wide_html(html: str = "", **settings: Any) -> pn.pane.HTML:
     """Return text as wide as its place; the settings are those of `panel.pane.HTML`."""
     return pn.pane.HTML(html, sizing_mode="stretch_width", **settings)
+
+
+def header_icon(icon: str, description: str) -> pmui.IconButton:
+    """Return a button of the header, whose ground is dark in both themes."""
+    return pmui.IconButton(
+        icon=icon,
+        description=description,
+        size="small",
+        margin=(9, 0),
+        stylesheets=[TOOLTIP],
+        sx={"color": "#ffffff"},
+    )
