@@ -6,7 +6,7 @@ The samples that are stored are those of all runs: a second apart, at the fixes,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,16 @@ from lab.analysis.verdicts.lane_evidence import Abreast, evidence_abreast, uncer
 from lab.analysis.verdicts.sensor_evidence import sensor_errors, sensor_errors_abreast
 from lab.analysis.verdicts.true_motion import Exact, Reference, exacts, window_means
 from lab.base.arrays import FloatArray
+from lab.experiment.ensembles.lane_runs import (
+    Judged,
+    Navigated,
+    Places,
+    Samples,
+    Sensed,
+    channel_sums,
+    diverged,
+    used_fixes,
+)
 from lab.experiment.ensembles.run_at_fixes import (
     WIDE,
     WITHOUT_ENDS,
@@ -41,55 +51,11 @@ from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
 from lab.navigation.kernels.lanes import LaneSolution
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
-from lab.navigation.strapdown import MAX_LATITUDE
+from lab.navigation.solution import Imu, Solution
 from lab.run.further_truth import errors_of_states, felt_by_gyros, further_truth
 from lab.run.run import at_samples
-from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
 from lab.sensors.suite import SensorSuite
-
-Samples = NDArray[np.int64]
-
-
-class Sensed(NamedTuple):
-    """What the sensors of one run measured, and what its filter assumes."""
-
-    seed: int
-    start: Start
-    belief: Belief
-    constants: FloatArray | None
-    gyro: imu.Measured
-    accelerometer: imu.Measured
-    fixes: gps.GpsFixes
-    seen: Fixes
-
-    def imu(self, time: FloatArray) -> Imu:
-        """Return what the IMU measured at the times (n,) of the samples [s]."""
-        return Imu(time, self.gyro.increments, self.accelerometer.increments)
-
-
-Navigated = tuple[int, Sensed, LaneSolution]
-"""Lane, sensors and solution of a run."""
-
-
-class _Places(NamedTuple):
-    """Places among the stored samples: of all fixes, and where NEES of the position is wanted."""
-
-    fixes: Samples
-    judged: Samples  # of `RunAtFixes.grid`, then those of `between_fixes`
-
-
-class _Judged(NamedTuple):
-    """A run that is judged: its place among those of its block, its lane, and what is known of it."""
-
-    place: int
-    lane: int
-    one: Sensed
-    navigated: LaneSolution
-    solution: Solution  # its fixes tell their places among the stored samples
-    figures: FixFigures
-    means: tuple[FloatArray, FloatArray]
 
 
 class LaneResults:
@@ -194,9 +160,9 @@ class LaneResults:
         shown = {
             place: self._in_stored(navigated.solution)
             for place, (_, _, navigated) in enumerate(runs)
-            if not _diverged(navigated)
+            if not diverged(navigated)
         }
-        sums = _channel_sums([_used(solution) for solution in shown.values()])
+        sums = channel_sums([used_fixes(solution) for solution in shown.values()])
         for (place, solution), own in zip(shown.items(), sums, strict=True):
             _, one, navigated = runs[place]
             figures = self._figures(one, solution, navigated.motion, self._of_before)
@@ -220,14 +186,14 @@ class LaneResults:
             What the sensors measured.
         """
         whole, places = self.means(increments), self._places(runs[0][1])
-        judged = list[_Judged]()
+        judged = list[Judged]()
         for place, (lane, one, navigated) in enumerate(runs):
-            if not _diverged(navigated):
+            if not diverged(navigated):
                 solution = self._in_stored(navigated.solution)
                 figures = self._figures(one, solution, navigated.motion, places.judged)
                 means = whole[0][..., lane], whole[1][..., lane]
-                judged.append(_Judged(place, lane, one, navigated, solution, figures, means))
-        alike = dict[bytes, list[_Judged]]()
+                judged.append(Judged(place, lane, one, navigated, solution, figures, means))
+        alike = dict[bytes, list[Judged]]()
         for run in judged:
             alike.setdefault(self._likeness(run, places), []).append(run)
         alone = [[run] for run in alike.pop(b"", [])]
@@ -252,13 +218,13 @@ class LaneResults:
         samples = np.searchsorted(self._truth.time, times - SLACK * self._ideal.dt)
         return samples[(samples > 0) & (samples < self._truth.time.size)]
 
-    def _places(self, one: Sensed) -> _Places:
+    def _places(self, one: Sensed) -> Places:
         """Return where a run with all of its fixes is judged."""
         fixes = np.searchsorted(self.stored, self._samples_of(one.seen.time))
         between = between_fixes(self._there.time, fixes)
-        return _Places(fixes, np.concatenate((self._of_before, between)))
+        return Places(fixes, np.concatenate((self._of_before, between)))
 
-    def _doubtful(self, runs: Sequence[_Judged]) -> set[int]:
+    def _doubtful(self, runs: Sequence[Judged]) -> set[int]:
         """Return the places of the runs that may have outliers; all have as many used or rejected fixes."""
         if not runs:
             return set()
@@ -280,7 +246,7 @@ class LaneResults:
         judged: Evidence | None = None,
     ) -> RunAtFixes:
         """Return what is kept of a run."""
-        P, nu, S = _used(solution)
+        P, nu, S = used_fixes(solution)
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
         nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
         return RunAtFixes(
@@ -306,7 +272,7 @@ class LaneResults:
             algorithm="",
         )
 
-    def _likeness(self, run: _Judged, places: _Places) -> bytes:
+    def _likeness(self, run: Judged, places: Places) -> bytes:
         """Return what runs that are judged abreast have in common; empty for a run that is judged alone."""
         solution, fixes = run.solution, places.fixes
         regular = (
@@ -318,7 +284,7 @@ class LaneResults:
         return uncertain_states(solution) if regular else b""
 
     def _abreast(
-        self, runs: Sequence[_Judged], places: _Places, increments: FloatArray
+        self, runs: Sequence[Judged], places: Places, increments: FloatArray
     ) -> list[Evidence | None]:
         """Return the evidence of runs that are alike; None of one that is judged alone."""
         ones = [run.one for run in runs]
@@ -350,7 +316,7 @@ class LaneResults:
         )
         return evidence_abreast(found, self._truth)
 
-    def _begun(self, runs: Sequence[_Judged]) -> FloatArray:
+    def _begun(self, runs: Sequence[Judged]) -> FloatArray:
         """Return the errors of all states at the start, (runs, n)."""
         shown = {
             name: np.stack([getattr(run.solution, name)[0] for run in runs])
@@ -397,7 +363,7 @@ class LaneResults:
         at = np.searchsorted(self.stored, solution.fix_sample)
         return solution._replace(fix_sample=np.where(solution.fix_sample >= 0, at, -1))
 
-    def _evidence(self, run: _Judged) -> Evidence:
+    def _evidence(self, run: Judged) -> Evidence:
         """Return the evidence of a run that is judged alone."""
         one, solution = run.one, run.solution
         stored = Imu(self._truth.time[self.stored], one.gyro.increments[:0], one.accelerometer.increments[:0])
@@ -422,7 +388,7 @@ class LaneResults:
         )
 
     def _motions(
-        self, runs: Sequence[_Judged], samples: Samples, increments: FloatArray
+        self, runs: Sequence[Judged], samples: Samples, increments: FloatArray
     ) -> fix_causes.MotionAtFixes:
         """Return the motion of runs that are alike at the fixes, (runs, m, …) each."""
         window = self._window(samples)
@@ -524,28 +490,3 @@ class LaneResults:
             of_states=of_states,
             hidden=self._hidden,
         )
-
-
-def _used(solution: Solution) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return covariance, innovation and its covariance of the used fixes, without a copy if all are used."""
-    used = solution.fix_sample >= 0
-    every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
-    return (
-        solution.fix_covariance[every],
-        solution.innovation[every],
-        solution.innovation_covariance[every],
-    )
-
-
-def _channel_sums(used: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> list[ChannelSums]:
-    """Return the sums of the innovations of runs; see `_used`."""
-    if len({len(nu) for _, nu, _ in used}) == 1:
-        return ChannelSums.of_used(*(np.stack([one[part] for one in used]) for part in (1, 2)))
-    return [ChannelSums.of_used(nu[None], S[None])[0] for _, nu, S in used]
-
-
-def _diverged(navigated: LaneSolution) -> bool:
-    """Return whether a run is not finite, or came too close to a pole for its frame."""
-    motion = navigated.motion
-    finite = np.isfinite(motion).all() and np.isfinite(navigated.solution.variance).all()
-    return not finite or bool(np.abs(motion[:, 0]).max() > MAX_LATITUDE)

@@ -25,7 +25,8 @@ from lab.base.histories import LONG
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_sensors
 from lab.experiment.ensembles.lane_draws import seeds_abreast
-from lab.experiment.ensembles.lane_results import LaneResults, Navigated, Samples, Sensed
+from lab.experiment.ensembles.lane_results import LaneResults
+from lab.experiment.ensembles.lane_runs import Navigated, Samples, Sensed
 from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
