@@ -285,10 +285,8 @@ def test_a_unit_that_nothing_names_is_a_question_on_standard_error(tmp_path: Pat
     answer = ask("live", "watch", source, "--unit", "rate=rad/s")
     assert "is not known" not in answer.stderr
     assert "rate_x[rad/s]" in answer.stderr
-    state = json.loads(
-        ask("live", "watch", f"replay:{path}?speed=10", "--seconds", "2", "--json").stdout.splitlines()[0]
-    )
-    assert "rad/s is possible" in state["question"]
+    states = map(json.loads, ask("live", "watch", f"replay:{path}?speed=10", "--json").stdout.splitlines())
+    assert any("rad/s is possible" in state["question"] for state in states)
     refused(ask("allan", str(path)), "--unit Gyr_X=°/s")
 
 
