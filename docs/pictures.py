@@ -46,7 +46,11 @@ NAMES = (
     "chrome",
 )
 """Names of browsers that are looked for."""
-IDLE = "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
+IDLE = (
+    "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
+    " && [...Bokeh.documents[0].all_models].some((one) => one.data?.label === 'Load settings')"
+)
+"""Whether a page has all of its parts: the button that loads settings comes last."""
 TITLES = (
     "Array.from(Bokeh.index.query((view) => view.model.title?.text)).map((view) => view.model.title.text)"
 )
