@@ -257,6 +257,11 @@ class Compare(ComputedPage):
         if self._sweep.is_pending(result):
             self._sweep.work_out(result, progress, lambda: self._later(partial(self._draw_some, result)))
 
+    def _report(self, result: Result, stage: str) -> None:
+        """Show the progress, unless it comes after the computation was cancelled."""
+        if not self._stopped:
+            super()._report(result, stage)
+
     def _draw_some(self, result: Result) -> None:
         """Draw what is computed so far."""
         if result is self._wanted and self._document is not None:

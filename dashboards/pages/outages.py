@@ -191,9 +191,9 @@ class Outages:
             rows = curves_of(table)
             self._table.object = table_html(table) + (f"<p>{escape(curve_words(table))}</p>" if rows else "")
             figure = drift_figure(table, rows)
-            self._figure[:] = [pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)][
-                : len(rows)
-            ]
+            figure.update(sizing_mode="stretch_width", height=420)
+            plot = pn.pane.Bokeh(figure, sizing_mode="stretch_width", margin=0)
+            self._figure[:] = [plot] if rows else []
             self._age(is_old=False)
 
     def _age(self, *, is_old: bool) -> None:

@@ -146,7 +146,8 @@ class SweepPart:
         if not is_known(sweep, metric):
             return _words(f"{metric}: unknown. {result.missing_reason('errors')}")
         figure = sweep_figure(as_fields(sweep, self._sigmas), metric, now)
-        plot = pn.pane.Bokeh(figure, sizing_mode="stretch_width", height=420, margin=0)
+        figure.update(sizing_mode="stretch_width", height=420)
+        plot = pn.pane.Bokeh(figure, sizing_mode="stretch_width", margin=0)
         about = ABOUT_CURVE if len(sweep.dims) == 1 else ABOUT_MAP
         return plain_column(plot, _words(about))
 

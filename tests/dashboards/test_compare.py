@@ -163,6 +163,9 @@ def test_a_comparison_is_stopped_and_goes_on(walk: Walk, monkeypatch: pytest.Mon
     assert value(walk, "phi", 0) > 0  # what was done stays
     assert walk.text().count("Stopped.") == len(models()) - 1
     assert page(walk)._stop.label == "Go on"
+    with set_curdoc(walk._document):
+        page(walk)._report(walk.page.session.result, "1 of 4")  # it was on its way
+    assert "Computing" not in walk.text()
     monkeypatch.undo()
     with set_curdoc(walk._document):
         page(walk)._stop.clicks += 1
