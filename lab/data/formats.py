@@ -23,7 +23,7 @@ from lab.data.protocols.recognition import sound_frames
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.sheets import flightgear, garmin_csv, sensor_csv, simulator_csv, xplane_data
 from lab.data.sheets.flight_columns import recognised
-from lab.data.sheets.sheet_fixes import LatitudeError
+from lab.data.sheets.sheet_coordinates import LatitudeError
 
 HEAD_BYTES = 2**16
 """Bytes at the start of a file, decompressed, from which the readers detect its format."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.files.mission_error import MissionError, QuestionError
+from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE
 from lab.data.checks import estimator_resets
 from lab.data.files.unit_names import UNITS
@@ -20,6 +20,7 @@ from lab.data.rebuild.raw_flight import ColumnUnit, Reset
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_accuracy import sigmas_of
 from lab.data.sheets.sheet_clock import Clock, clock_of
+from lab.data.sheets.sheet_coordinates import ask_for_unit, in_degrees, may_be_radians, on_the_earth
 from lab.data.sheets.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of, rescaled
 from lab.data.sheets.sheet_imu import NAMED, in_order, is_of_another_device, of_odd_stamps
 from lab.motion.frames.displacement import metres_per_radian, velocity_of_positions
@@ -29,22 +30,12 @@ _LOCAL = re.compile(r"(?i)^\s*(?:t|p|pos|position|p_rs_r)[ _.]?[xyz]\b")
 """Headings of positions in a local frame, as of EuRoC and TUM."""
 _HELD = 0.5
 """Part of the rows that repeat the position before, from which a logger holds the last fix."""
-_MAX_DEGREES = 360.0
-"""Largest coordinate in degrees: larger whole numbers are 1e-7°."""
-_MAX_NMEA = 18_000.0
-"""Largest coordinate as degrees times 100 plus minutes, as NMEA writes it."""
-_HUNDRED, _MINUTES = 100.0, 60.0
-"""Between the digits of degrees and minutes in ddmm.mmmm; how many minutes there are."""
-_ROUNDING = 1e-9
-"""By how much a coordinate may be beyond a pole, relative to 90°."""
 _ALONG, _CLEARLY = 0.9, 0.5
 """Mean cosine between the course and the motion of the positions from which they agree, and the largest part
 of the rms angle between them in ° that may be left in rad."""
 _SPEEDS = ("m/s", "km/h", "kt", "mph", "ft/s", "cm/s", "mm/s", "kt/100")
 _HEIGHTS_BESIDE = {"kt/100": "cm", "ft/s": "ft"}
 """Units of heights without a unit beside a speed in these: those of TinyGPS, and of who counts in feet."""
-_OF_FIT = re.compile(r"(?i)(?:start_|end_)?position_?(?:lat|long)")
-"""Headings of FIT, whose whole numbers are semicircles."""
 _LIKE_UNITS = {"°": ("rad",), "1e-7°": ("1e-6°",)}
 """Units whose numbers may be taken for another one: TinyGPS has 1e-6°."""
 _COURSES = {"0.01°": (720.0, 36_001.0, 1e-2), "1e-5°": (36_001.0, 3.6001e7, 1e-5)}
@@ -75,10 +66,6 @@ _UNIT_TOLERANCE = 0.1
 
 DOUBTFUL = ("assumed", BY_SIZE)
 """Sources of a unit that the motion may contradict."""
-
-
-class LatitudeError(MissionError):
-    """Latitudes are beyond the poles: the columns are swapped, or their unit is another one."""
 
 
 class Fixes(NamedTuple):
@@ -181,7 +168,7 @@ def _preference(sheet: Sheet) -> tuple[float, ...]:
 def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     latitude, longitude = (column_of(sheet, name) for name in ("latitude", "longitude"))
     assert latitude is not None and longitude is not None
-    latitude, longitude = _on_the_earth(sheet, *_in_degrees(latitude, longitude))
+    latitude, longitude = on_the_earth(sheet, *in_degrees(latitude, longitude))
     height, words = heights_of(sheet, latitude, needed=with_height)
     known = np.isfinite(latitude.values) & np.isfinite(longitude.values)
     known &= np.isfinite(height.values) | (height.name == "")
@@ -196,9 +183,9 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
             and latitude.unit == "°"
             and len(rows) > 1
             and np.ptp(position[:, 0]) > 0
-            and _may_be_radians(position)
+            and may_be_radians(position)
         ):
-            _ask_for_unit(sheet, latitude.name, longitude.name)
+            ask_for_unit(sheet, latitude.name, longitude.name)
         if unit and unit != latitude.unit:
             source = f"guessed: in {latitude.unit}, the positions do not move as fast as the velocity says"
             position[:, :2] *= UNITS["angle"][unit] / UNITS["angle"][latitude.unit]
@@ -229,15 +216,8 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
         ColumnUnit(one.name, one.unit, one.source)
         for one in (latitude, longitude, height, *units, *accuracies)
     )
-    return Fixes(
-        sheet,
-        gnss,
-        speed,
-        course,
-        used,
-        (*remarks, *moved, *doubt_of_feet(height, (*units, *([pace] if pace else []))), *more),
-        rows,
-    )
+    feet = doubt_of_feet(height, units if pace is None else (*units, pace))
+    return Fixes(sheet, gnss, speed, course, used, (*remarks, *moved, *feet, *more), rows)
 
 
 def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:
@@ -267,57 +247,6 @@ def pace_of(fixes: Fixes) -> FloatArray:
     if speed is None:
         return fixes.speed
     return _speed_unit(speed, fixes.rows, fixes.gnss.time, fixes.gnss.position).values[fixes.rows]
-
-
-def _in_degrees(latitude: Column, longitude: Column) -> tuple[Column, Column]:
-    """Return coordinates without a unit by their size: degrees, ddmm.mmmm of NMEA, or 1e-7°."""
-    numbers = [np.abs(one.values[np.isfinite(one.values)]) / DEGREE for one in (latitude, longitude)]
-    stated = {latitude.source, longitude.source} != {"assumed"} or not all(one.size for one in numbers)
-    largest = max(float(np.median(one)) for one in numbers) if not stated else 0.0
-    if _MAX_DEGREES < largest < _MAX_NMEA and all((one % _HUNDRED < _MINUTES).all() for one in numbers):
-        return _of_nmea(latitude), _of_nmea(longitude)
-    return _degrees(latitude), _degrees(longitude)
-
-
-def _on_the_earth(sheet: Sheet, latitude: Column, longitude: Column) -> tuple[Column, Column]:
-    """Return coordinates with longitudes from -180° to 180°, and NaN for those that are none.
-
-    Raises
-    ------
-    LatitudeError
-        If most latitudes are none.
-    """
-    pole, turn = (1 + _ROUNDING) * np.pi / 2, (1 + _ROUNDING) * 2 * np.pi
-    beyond = np.abs(latitude.values) > pole
-    if np.median(np.abs(latitude.values[np.isfinite(latitude.values)])) > pole:
-        is_other = np.median(np.abs(longitude.values[np.isfinite(longitude.values)])) <= pole
-        swapped = ", and the longitudes are not: the two columns look swapped" if is_other else ""
-        raise LatitudeError(
-            f"{sheet.name}: the latitudes ({latitude.name}) are beyond ±90°{swapped}; accepted are latitudes "
-            "and longitudes in °, rad, 1e-7° or 1e-6°: --unit COLUMN=UNIT, or --column HEADING=latitude[°]"
-        )
-    beyond |= np.abs(longitude.values) > turn
-    values = longitude.values if np.nanmax(np.abs(longitude.values)) <= turn / 2 else wrap(longitude.values)
-    return (
-        latitude._replace(values=np.where(beyond, np.nan, latitude.values)),
-        longitude._replace(values=np.where(beyond, np.nan, values)),
-    )
-
-
-def _of_nmea(column: Column) -> Column:
-    """Return a coordinate that is written as the number ddmm.mmmm."""
-    degrees, minutes = np.divmod(np.abs(column.values) / DEGREE, _HUNDRED)
-    values = np.copysign((degrees + minutes / _MINUTES) * DEGREE, column.values)
-    return column._replace(values=values, unit="ddmm.mmmm", source=BY_SIZE)
-
-
-def _degrees(column: Column) -> Column:
-    if column.source == "assumed" and np.nanmedian(np.abs(column.values)) > _MAX_DEGREES * DEGREE:
-        if _OF_FIT.fullmatch(column.name):
-            factor = UNITS["angle"]["semicircles"] / DEGREE
-            return column._replace(values=column.values * factor, unit="semicircles", source="as FIT has it")
-        return column._replace(values=column.values * 1e-7, unit="1e-7°", source=BY_SIZE)
-    return column
 
 
 def _changes(rows: NDArray[np.intp], *columns: FloatArray) -> tuple[NDArray[np.bool_], list[str]]:
@@ -497,20 +426,6 @@ def _unit_by_motion(
         if any(abs(np.log(ratio / UNITS["speed"][one])) < _UNIT_TOLERANCE for one in units):
             return unit
     return ""
-
-
-def _may_be_radians(position: FloatArray) -> bool:
-    """Return whether coordinates in degrees, were they radians, lie on the Earth: on the sea off Gabon."""
-    return bool((np.abs(position[:, :2]) <= (np.pi / 2 * DEGREE, np.pi * DEGREE)).all())
-
-
-def _ask_for_unit(sheet: Sheet, latitude: str, longitude: str) -> NoReturn:
-    raise QuestionError(
-        f"{sheet.name}: {latitude} and {longitude} are radians, or degrees on the sea where the equator "
-        "meets the meridian of Greenwich: no heading names the unit, and no velocity shows it; accepted are "
-        f'both with their unit: --unit "{latitude}=rad"',
-        {unit: {latitude: unit, longitude: unit} for unit in ("rad", "°")},
-    )
 
 
 def _speed_unit(speed: Column, rows: NDArray[np.intp], time: FloatArray, position: FloatArray) -> Column:
