@@ -110,6 +110,7 @@ def test_the_heading_is_held_only_if_it_shall_be(tmp_path: Path, model: str, eng
     ("kind", "settings"),
     [
         ("cruise", {}),
+        *((kind, {"model": "nonlinear"}) for kind in ("cruise", "road", "ship")),
         *((kind, {"smoother": True}) for kind in ("cruise", "road", "ship")),
         ("cruise", {"smoother": True, "model": "invariant"}),
     ],
