@@ -34,7 +34,6 @@ BESIDE = """
 
 _MISSION = {
     "color": "#ffffff",
-    "textTransform": "none",
     "maxWidth": "min(240px, 34vw)",
     "whiteSpace": "nowrap",
     "overflow": "hidden",

@@ -106,7 +106,7 @@ class Holding:
             label=f"{letter} · {held.name}",
             description="Bring these settings back",
             variant="outlined",
-            sx={"textTransform": "none", "borderColor": COLOURS[slot], "borderWidth": "2px"},
+            sx={"borderColor": COLOURS[slot], "borderWidth": "2px"},
             **common,
         )
         back.on_click(lambda _event: self._bring_back(held))

@@ -53,7 +53,7 @@ _EDGE = "1px solid rgba(128, 128, 128, .35) !important"
 """Left edge of a part on a phone, where it may be the first of a second row."""
 _PART = {
     "& button": {
-        **{"whiteSpace": "nowrap", "padding": "3px 12px", "textTransform": "none"},
+        **{"whiteSpace": "nowrap", "padding": "3px 12px"},
         "@media (max-width: 480px)": {"padding": "3px 7px", "width": "auto", "borderLeft": _EDGE},
     },
     "@media (max-width: 480px)": {"flexWrap": "wrap", "maxWidth": "calc(100vw - 24px)"},

@@ -15,7 +15,7 @@ LAST = 3
 """How many of the settings that were changed last are at hand."""
 _LAST = {
     "& button": {
-        "textTransform": "none", "padding": "2px 8px", "whiteSpace": "nowrap", "overflow": "hidden",
+        "padding": "2px 8px", "whiteSpace": "nowrap", "overflow": "hidden",
         "textOverflow": "ellipsis", "display": "block", "width": "auto", "maxWidth": "100px",
         "flexShrink": "0",
     },
@@ -70,7 +70,7 @@ class SettingFinder:
             variant="outlined",
             color="default",
             margin=(6, 8, 2, 0),
-            sx={"textTransform": "none", "whiteSpace": "nowrap", "& button, &": {"padding": "3px 10px"}},
+            sx={"whiteSpace": "nowrap", "& button, &": {"padding": "3px 10px"}},
         )
         self._last = pmui.CheckButtonGroup(options={}, value=[], size="small", margin=(0, 0, 4, 0), sx=_LAST)
         self._strip = pn.Column(

@@ -207,7 +207,7 @@ class SettingsPanel:
             value=self._session.shows_sigmas,
             size="small",
             margin=(6, 0, 2, 4),
-            sx={"& button": {"textTransform": "none", "padding": "3px 14px"}},
+            sx={"& button": {"padding": "3px 14px"}},
             stylesheets=[HIDDEN_LABEL],
         )
 
@@ -355,7 +355,7 @@ class SettingsPanel:
             variant="text",
             color="default",
             margin=(4, 0),
-            sx={"& button, &": {"border": 0, "padding": "2px 6px", "textTransform": "none"}},
+            sx={"& button, &": {"border": 0, "padding": "2px 6px"}},
         )
 
         def unfold(event: param.parameterized.Event) -> None:

@@ -17,6 +17,8 @@ _FIELDS: dict[str, Any] = {
 """Selects are as high as text fields, which stand beside them in rows."""
 _NAMED: dict[str, Any] = {"MuiLinearProgress": {"defaultProps": {"aria-label": "Progress"}}}
 """Parts whose name readers of the screen need, and the library gives none."""
+_WORDS: dict[str, Any] = {"button": {"textTransform": "none"}}
+"""Buttons and tabs say their words as they are written: units and names have their own capitals."""
 _BRIGHT_ICONS: dict[str, Any] = {
     "MuiIconButton": {
         "styleOverrides": {
@@ -38,6 +40,7 @@ THEME: dict[str, Any] = {
             "contrastThreshold": 4.5,
         },
         "shape": {"borderRadius": 6},
+        "typography": _WORDS,
         "components": _FIELDS | _NAMED,
     },
     "dark": {
@@ -48,6 +51,7 @@ THEME: dict[str, Any] = {
             "contrastThreshold": 4.5,
         },
         "shape": {"borderRadius": 6},
+        "typography": _WORDS,
         "components": _FIELDS | _NAMED | _BRIGHT_ICONS,
     },
 }

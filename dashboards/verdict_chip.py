@@ -36,7 +36,6 @@ JUDGING = "Judging …"
 UNKNOWN = "No verdict"
 
 _CHIP: dict[str, Any] = {
-    "textTransform": "none",
     "whiteSpace": "nowrap",
     "overflow": "hidden",
     "textOverflow": "ellipsis",

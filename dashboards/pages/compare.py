@@ -49,7 +49,7 @@ td { vertical-align: top; }
 p { font: 14px/1.5 Roboto, sans-serif; }
 @media (max-width: 600px) { td.words { min-width: 180px; } }
 """
-_TOGGLE = {"textTransform": "none", "padding": "4px 10px"}
+_TOGGLE = {"padding": "4px 10px"}
 _HINT = (
     "<p>Press the pin above, or H, to hold this result. Then change a setting or the sensors: both results "
     "stand here side by side, and the held one stays in all plots. The buttons above add others.</p>"

@@ -16,7 +16,6 @@ BUTTON: dict[str, Any] = {"variant": "outlined", "size": "small", "margin": (6, 
 """Options of all buttons in the line."""
 TOGGLE: dict[str, Any] = {
     "& .MuiToggleButton-root, &.MuiToggleButton-root": {
-        "textTransform": "none",
         "fontSize": "0.8125rem",
         "padding": "3px 9px",
         "gap": "6px",

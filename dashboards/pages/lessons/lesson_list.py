@@ -33,7 +33,7 @@ div { font: 14px/1.45 Roboto, sans-serif; padding: 6px 0; overflow-wrap: anywher
 .problem { border-left: 3px solid #d0702e; padding-left: 8px; }
 """
 ROW = ":host { flex-wrap: wrap; border-bottom: 1px solid rgba(128,128,128,.18); }"
-TITLE = {"justifyContent": "flex-start", "textAlign": "left", "textTransform": "none"}
+TITLE = {"justifyContent": "flex-start", "textAlign": "left"}
 """Style of the button with the title of a lesson."""
 WIDTH = 300
 """Width of the titles [px]."""
