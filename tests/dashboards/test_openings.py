@@ -324,7 +324,7 @@ def test_a_page_that_ends_leaves_the_cache_what_the_others_need(monkeypatch: pyt
         context: Any = Context([])
         turns._context = ref(context)
         for context.sessions in ([seen, seen, left], [seen], [left], []):
-            turns.let_go(document := Document(), document)
+            turns.let_go(Document(), Document())  # one that is in use is searched again after some time
             await turns._working
 
     completed(leave)
