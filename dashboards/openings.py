@@ -235,6 +235,12 @@ class Openings(Handler):
                 self._models.setdefault(document, set()).update(map(ref, document.models))
 
 
+def pages_wait(document: Document) -> bool:
+    """Return whether pages wait for their turn to open on the server of a document."""
+    found = Openings.of(document)
+    return found is not None and found.busy
+
+
 def _alive(some: Iterable[ref[Any]]) -> list[Any]:
     """Return the objects of some references that are still there."""
     return [one for known in some if (one := known()) is not None]

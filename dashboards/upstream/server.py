@@ -22,6 +22,7 @@ from bokeh.server.callbacks import SessionCallback
 from bokeh.server.connection import ServerConnection as PageConnection
 from bokeh.server.contexts import ApplicationContext
 from bokeh.server.server import Server
+from bokeh.server.session import ServerSession
 from bokeh.server.views.ws import WSHandler
 from bokeh.settings import settings
 from bokeh.util import callback_manager
@@ -301,7 +302,7 @@ def viser_connection(sockets: WebsockServer, client: WebsockClientConnection) ->
     return sockets._live_connections[client.client_id]
 
 
-def end_left_pages(after: float) -> None:
+def end_left_pages(after: float, waits: Callable[[Document], bool]) -> None:
     """Make Bokeh's next check end a page whose browser has left, from some time after it left.
 
     A browser that closes or reloads a page says so, and never asks for its session again. Without a word, it
@@ -311,16 +312,25 @@ def end_left_pages(after: float) -> None:
     ----------
     after
         The time [s]: a page that is loaded again finds what the one before it still holds.
+    waits
+        Whether pages still wait to be opened on the server of a document: the one that is loaded again may be
+        among them, so the one before it stays for another such time.
     """
     on_close = WSHandler.on_close
     if on_close.__module__ == __name__:
         return
 
+    def end(session: ServerSession) -> None:
+        if waits(session.document):
+            IOLoop.current().call_later(after, end, session)
+        else:
+            session.request_expiration()
+
     def close(handler: WSHandler) -> None:
         session = None if handler.connection is None else handler.connection._session
         on_close(handler)
         if session is not None and handler.close_code == GOING_AWAY:
-            IOLoop.current().call_later(after, session.request_expiration)
+            IOLoop.current().call_later(after, end, session)
 
     WSHandler.on_close = close  # type: ignore[assignment, method-assign]
 

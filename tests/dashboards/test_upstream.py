@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from types import SimpleNamespace
 
@@ -291,15 +292,21 @@ def test_a_session_ends_sooner_only_if_its_browser_has_left(
     code: int | None, ends: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A browser that has lost its connection says nothing, and may come back."""
-    asked: list[tuple[float, object]] = []
-    loop = SimpleNamespace(call_later=lambda after, call: asked.append((after, call)))
+    asked: list[Callable[[], None]] = []
+    ended: list[str] = []
+    waiting = [True, False]  # pages that open: one of them may be this one, loaded again
+    loop = SimpleNamespace(call_later=lambda after, call, *some: asked.append(partial(call, *some)))
     monkeypatch.setattr(server, "IOLoop", SimpleNamespace(current=lambda: loop))
     monkeypatch.setattr(WSHandler, "on_close", lambda handler: handler.connection.detach_session())
-    session = SimpleNamespace(request_expiration=object())
+    session = SimpleNamespace(request_expiration=lambda: ended.append("now"), document=Document())
     connection = SimpleNamespace(_session=session)
     connection.detach_session = lambda: setattr(connection, "_session", None)
-    end_left_pages(8.0)
-    end_left_pages(8.0)  # each page of a server asks for it
+    for _ in range(2):  # each page of a server asks for it
+        end_left_pages(8.0, lambda document: waiting.pop(0))
     WSHandler.on_close(SimpleNamespace(close_code=code, connection=connection))
     WSHandler.on_close(SimpleNamespace(close_code=code, connection=connection))  # one without a session
-    assert asked == ([(8.0, session.request_expiration)] if ends else [])
+    for still_there in ([], ["now"]) if ends else ():
+        assert len(asked) == 1
+        asked.pop()()
+        assert ended == still_there
+    assert not asked
