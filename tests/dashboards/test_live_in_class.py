@@ -118,7 +118,7 @@ def test_all_watch_what_the_teacher_opens_and_none_turns_or_unplugs_it(room: Roo
         assert not one.page._share.visible
         assert one.page._axes._rights.visible
         one.page._pull_plug()  # hand-made: there is no button
-        assert device._plugged
+        assert device.plugged
         one.page._axes._found = CheckedAxes(AxisMap.of("y,-x,z"), "", None)
         one.page._axes.tell_rights()
         assert one.page._axes._use.disabled

@@ -75,12 +75,12 @@ def test_bytes_are_looked_at_only_while_they_are_seen(one: Opened, monkeypatch: 
     one.until(lambda: station.status.state == STREAMING and page._told > 0)
     assert not looked
     page._choice.value = RAW
-    one.until(lambda: page._raw.view.object.count("<tr>") == FRAMES + 1)
-    assert "<td>fa " in page._raw.view.object  # each frame of the protocol begins so
+    one.until(lambda: page._parts[RAW].view.object.count("<tr>") == FRAMES + 1)
+    assert "<td>fa " in page._parts[RAW].view.object  # each frame of the protocol begins so
     page._choice.value = PLOTS
-    one.until(lambda: not page._raw._work.busy)
+    one.until(lambda: not page._parts[RAW]._work.busy)
     before, told = len(looked), page._told
     one.until(lambda: page._told > told)
     assert len(looked) == before
     page._toggle()
-    assert "fa " not in page._raw.view.object
+    assert "fa " not in page._parts[RAW].view.object

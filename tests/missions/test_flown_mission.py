@@ -109,7 +109,7 @@ def test_the_lock_is_held_from_the_reading_of_the_old_words_to_the_writing_of_th
 
         return look
 
-    honest = {step: getattr(shelf, step) for step in ("_recordings_named", "atomic_file", "_remove_unused")}
+    honest = {step: getattr(shelf, step) for step in ("_recordings_named", "write_file", "_remove_unused")}
     for step in honest:
         monkeypatch.setattr(shelf, step, looking(step))
     ended_early(monkeypatch, "it rained")
@@ -149,13 +149,13 @@ def test_a_crash_leaves_the_old_mission_or_the_new_one(plan, monkeypatch):
 
     fly_mission(plan)
     before, duration = values(plan), mission(plan).duration
-    steps = {"flown_text": writer, "atomic_file": shelf, "_remove_unused": shelf}
+    steps = {"flown_text": writer, "write_file": shelf, "_remove_unused": shelf}
     for ending, step in itertools.product(("", "it rained"), steps):
         with monkeypatch.context() as patch:
             ended_early(patch, ending)
             patch.setattr(Path, "unlink", lambda *_given, **_named: None)
             patch.setattr(steps[step], step, crash)
-            if (ending, step) in {("", "atomic_file"), ("", "_remove_unused")}:
+            if (ending, step) in {("", "write_file"), ("", "_remove_unused")}:
                 fly_mission(plan, overwrite=True)  # nothing changes in the words: not called
                 continue
             with pytest.raises(Crash):

@@ -39,6 +39,7 @@ from dashboards.messages import (
 )
 from dashboards.origins import PageSocket
 from tests.security.conftest import Served, Visitor
+from tests.security.watch import say
 
 MEMORY = 200 * 2**20
 """Most memory one attack may take [bytes]."""
@@ -209,7 +210,10 @@ def test_a_value_that_no_page_sends_is_dropped_with_one_line(served: Served, run
         # The log, which an attack before has filled, takes so many records again after this time.
         await asyncio.sleep(3 * len(HAND_MADE) / PER_SECOND)
         async with served.visitor() as visitor:
-            (choice,) = visitor.models(label="Mission")
+            await say(visitor, "document_ready")
+            while not (choices := list(visitor.models(label="Mission"))):
+                await visitor.pull()  # settings come after the plots
+            (choice,) = choices
             tabs = visitor.tabs()
             for value in HAND_MADE:
                 await visitor.change(choice["id"], value=value)
@@ -258,13 +262,13 @@ def written() -> tuple[logging.Logger, list[str]]:
 
 
 def test_a_page_that_a_ping_has_found_gone_closes_and_sends_its_last_without_a_line(
-    caplog: pytest.LogCaptureFixture,
+    run, caplog: pytest.LogCaptureFixture
 ) -> None:
     socket = PageSocket.__new__(PageSocket)
     connection = socket.connection = ServerConnection.__new__(ServerConnection)
     connection._session, connection._protocol = None, Protocol()
     last = Protocol().create("PULL-DOC-REQ")
-    answer = asyncio.run(BoundedHandler().handle(last, connection))
+    answer = run(BoundedHandler().handle(last, connection))
     socket.on_close()
     assert answer.msgtype == "ERROR"
     assert not caplog.records
