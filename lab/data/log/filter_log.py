@@ -51,8 +51,12 @@ class Innovations:
 
     Attributes
     ----------
-    name, axes, unit
-        As of `Measured`.
+    name : str
+        The measurement.
+    axes : tuple of str
+        What each column is.
+    unit : str
+        Of the innovations; all three as of `Measured`.
     time : (n,) array
         Increasing [s].
     values : (n, k) array
