@@ -218,7 +218,7 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     columns.blur()
     expect(page.get_by_role("cell", name="60 rows read, 60 used")).to_be_visible()
     upload(page, flight)
-    expect(page.get_by_role("alert").filter(has_text="lausible")).to_be_visible()
+    expect(page.get_by_role("alert").filter(has_text="looks fine")).to_be_visible()
     expect(page.get_by_text("INS Lab flight csv", exact=True)).to_be_visible()
     expect(page.get_by_role("cell", name="300 rows read, 300 used")).to_be_visible()
     expect(box(page, "Name")).to_have_value("our flight")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from live_batch import follow
 from scripted_source import streaming, until
 from xplane_simulator import XPlaneSimulator, montreal
 
@@ -94,7 +95,7 @@ def test_a_jump_is_named_and_a_new_flight_begins(xplane: XPlaneSimulator) -> Non
 def test_the_navigator_tells_the_cause_of_a_jump_once(xplane: XPlaneSimulator) -> None:
     live = LiveNavigator(SensorSuite(), NavigatorSettings())
     with opened(xplane) as source:
-        following = threading.Thread(target=live.follow, args=(source,), name="follows")
+        following = threading.Thread(target=follow, args=(live, source), name="follows")
         following.start()
         until(lambda: source.end.imu > 200)
         xplane.jump(40.0)
