@@ -6,6 +6,7 @@ Loggers write ``245.5 m``, ``51.477928N``, ``2,114.8``, ``12,5`` and, for a plac
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -165,26 +166,36 @@ def are_fixes(cells: Any) -> FloatArray:
     return np.where(cells.str.lower().str.startswith("no"), 0.0, 1.0)
 
 
-_NAME_BYTES = 6
-"""Bytes of a name that a number holds: as many as an address of an aircraft has."""
+_WHOLE_BYTES, _END_BYTES = 6, 3
+"""Bytes of a name that a number holds: all of a short one, such as the address of an aircraft; of others the
+end, which a person recognises, beside a sum of all."""
+_FROM = 256**_WHOLE_BYTES
+"""Number from which such a sum is added."""
 
 
 def codes_of_names(cells: Any) -> FloatArray:
-    """Return numbers for the names of vehicles: numbers as they are, and the end of others below zero."""
-    codes = {
-        name: float(name)
-        if name.isascii() and name.isdigit()
-        else -float(int.from_bytes(name.encode()[-_NAME_BYTES:], "big"))
-        for name in cells.unique()
-    }
-    return np.where(cells == "", np.nan, cells.map(codes).to_numpy(float))
+    """Return numbers for the names of vehicles: numbers as they are, and others below zero."""
+    return np.where(cells == "", np.nan, cells.map({name: _code_of(name) for name in cells.unique()}))
+
+
+def _code_of(name: str) -> float:
+    if name.isascii() and name.isdigit():
+        return float(name)
+    data = name.encode()
+    if len(data) <= _WHOLE_BYTES:
+        return -float(int.from_bytes(data, "big"))
+    end = int.from_bytes(data[-_END_BYTES:], "big")
+    return -float(_FROM + (zlib.crc32(data) % 2**28) * 256**_END_BYTES + end)
 
 
 def name_of_code(code: float) -> str:
-    """Return the end of the name of a vehicle that has this number."""
-    if code >= 0 or code <= -(2.0 ** (8 * _NAME_BYTES)):
+    """Return the name of a vehicle that has this number, or its end."""
+    if code >= 0:
         return f"{code:.0f}"
-    return int(-code).to_bytes(_NAME_BYTES, "big").strip(b"\0").decode("utf-8", "replace")
+    is_whole = -code < _FROM
+    number = int(-code) % (_FROM if is_whole else 256**_END_BYTES)
+    text = number.to_bytes(_WHOLE_BYTES, "big").strip(b"\0").decode("utf-8", "replace")
+    return text if is_whole else f"…{text}"
 
 
 def offsets_of_zones(cells: Any) -> FloatArray:

@@ -136,10 +136,16 @@ def test_numbers_that_may_be_radians_are_asked_for(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("heading", "names"),
-    [("MMSI", ("367123456", "338222222")), ("icao24", ("3c6444", "4ca7b4")), ("device", ("left", "right"))],
+    ("heading", "names", "ends"),
+    [
+        ("MMSI", ("367123456", "338222222"), None),
+        ("icao24", ("3c6444", "4ca7b4"), None),
+        ("device", ("left", "right"), None),
+        ("device", ("left_sensor", "right_sensor"), ("…sor", "…sor")),
+        ("device", ("buoy number 1", "buoy number 2"), ("…r 1", "…r 2")),
+    ],
 )
-def test_one_of_several_vehicles_is_read(tmp_path, heading, names):
+def test_one_of_several_vehicles_is_read(tmp_path, heading, names, ends):
     there, twice = LATITUDE + 0.5, np.repeat(np.arange(AT.size), 2)
     columns = (
         [names[i % 2] for i in range(2 * AT.size)],
@@ -150,9 +156,9 @@ def test_one_of_several_vehicles_is_read(tmp_path, heading, names):
     )
     flight = read_raw([write(tmp_path / "a.csv", f"{heading},time,lat,lon,altitude_m", *columns)])
     is_the_drive(flight)
+    taken, other = ends or names
     assert any(
-        f"{heading} is {names[0]} in the rows that are read, and not {names[1]}" in one
-        for one in flight.remarks
+        f"{heading} is {taken} in the rows that are read, and not {other}" in one for one in flight.remarks
     )
 
 
