@@ -110,7 +110,7 @@ def doubt_of_feet(height: Column, columns: Sequence[Column]) -> tuple[str, ...]:
     if height.source != "assumed" or not unit:
         return ()
     return (
-        f"The speed is in {'knots' if unit == 'kt' else unit}: if the heights are in feet, as in aviation, "
+        f"The speed is in {'knots' if unit == 'kt' else unit}: if the heights are in feet, "
         f'--unit "{height.name}=ft" says so.',
     )
 
