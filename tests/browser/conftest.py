@@ -43,7 +43,7 @@ HARMLESS = ("THREE.", "GPU stall", "GL Driver Message", "could not set initial r
 WIDTH, HEIGHT = 1440, 900
 """Size of the windows of pages [px]."""
 
-PATIENCE = 240_000.0
+PATIENCE = 15_000.0
 """Longest wait for what a page shows [ms]: build machines share their cores, and a first run compiles."""
 expect.set_options(timeout=PATIENCE)
 LOOK = 100.0
@@ -57,7 +57,11 @@ DATA = "Bokeh.documents[0].get_model_by_name('time:position_east')?.data"
 CURVE = f"String([...({DATA}?.time ?? []), ...({DATA}?.position_east ?? [])])"
 """Times and values of the first curve of the page, as one text."""
 RANGE_END = "Bokeh.documents[0].get_model_by_name('time axis')?.end"
-DRAWN = f"{IDLE} && Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
+WHOLE = f"""{IDLE} && ((cards) => cards.length && cards.every(
+  (card) => card.data.collapsed || card.data.objects[0].children.length
+))([...Bokeh.documents[0].all_models].filter((one) => one.name === "Card"))"""
+"""Whether the settings are there, which come after the plots."""
+DRAWN = f"Bokeh.documents[0]?.get_model_by_name('time:position_east')?.data.time?.length > 100 && {WHOLE}"
 
 
 @pytest.fixture(scope="session")
@@ -220,7 +224,7 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
         page = watched(chromium, address, complaints, width, height)
         contexts.append(page.context)
         page.goto(address + on_errors(query))
-        wait_for(page, DRAWN if drawn else IDLE)
+        wait_for(page, DRAWN if drawn else WHOLE)
         return page
 
     yield open_it

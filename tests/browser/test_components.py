@@ -114,14 +114,18 @@ def test_no_verdict_is_green_while_a_button_that_begins_a_run_is_on_its_way(shar
     page.get_by_role("textbox", name="Q scale").first.fill("0.9")
     page.get_by_role("textbox", name="Q scale").first.press("Enter")
     show(page, "Overview")
-    for press in (
-        lambda: page.keyboard.press("Control+z"),
-        lambda: page.get_by_role("button", name="Redo").click(),
-        lambda: page.get_by_role("button", name="Another seed").click(),
-        lambda: page.get_by_role("button", name="Take away GPS").click(),
-        lambda: reset(page),
+    redo, seed, gps = (
+        page.get_by_role("button", name=name) for name in ("Redo", "Another seed", "Take away GPS")
+    )
+    for press, needs in (
+        (lambda: page.keyboard.press("Control+z"), chip),
+        (redo.click, redo),
+        (seed.click, seed),
+        (gps.click, gps),
+        (lambda: reset(page), chip),
     ):
         wait_for(page, IDLE)
+        expect(needs).to_be_enabled()
         eventually(page, lambda: chip.evaluate(COLOUR) != GREY)
         page.get_by_role("slider", name="Time").focus()
         page.evaluate(NO_ANSWER)
