@@ -43,7 +43,7 @@ HARMLESS = ("THREE.", "GPU stall", "GL Driver Message", "could not set initial r
 WIDTH, HEIGHT = 1440, 900
 """Size of the windows of pages [px]."""
 
-PATIENCE = 15_000.0
+PATIENCE = 240_000.0
 """Longest wait for what a page shows [ms]: build machines share their cores, and a first run compiles."""
 expect.set_options(timeout=PATIENCE)
 LOOK = 100.0
