@@ -2,7 +2,7 @@
 
 ``make fuzz SECONDS=30 NAME=GPX`` runs a part. Each reader has a process of its own, half of the time with
 mutations of whole files, half of it led by the branches it takes (atheris, where it is installed). What
-breaks one is kept in ``fuzz-findings``.
+breaks one is kept in ``fuzz-findings``. Each attack prints its seed, and ``--seed`` repeats it.
 """
 
 from __future__ import annotations
@@ -36,11 +36,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--name", default="")
+    parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--engine", choices=list(ENGINES), default="")
     chosen = parser.parse_args()
     sys.path.insert(0, str(ROOT))
     if chosen.engine:
-        return ENGINES[chosen.engine](chosen.name, chosen.seconds)
+        print(f"{chosen.name}, {chosen.engine}: seed {chosen.seed}", flush=True)
+        return ENGINES[chosen.engine](chosen.name, chosen.seconds, chosen.seed)
     from attack import BY_NAME
     from pushes import PHONE_SERVER, PUSHES
     from streams import DECODER_NAMES
@@ -57,7 +59,7 @@ def main() -> int:
         engines = [others[name]] if name in others else of_readers
         for engine in engines:
             command = [sys.executable, __file__, "--engine", engine, "--name", name]
-            command += ["--seconds", str(chosen.seconds / len(engines))]
+            command += ["--seconds", str(chosen.seconds / len(engines)), "--seed", str(chosen.seed)]
             begun = time.monotonic()
             code = subprocess.run(command, check=False, cwd=ROOT).returncode
             print(
@@ -122,18 +124,18 @@ def repeat(name: str, seconds: float, attack: Callable[[int], int], save: Callab
     return 1 if broken else 0
 
 
-def by_mutations(name: str, seconds: float) -> int:
+def by_mutations(name: str, seconds: float, seed: int) -> int:
     """Attack a reader with mutations of its seeds."""
     import numpy as np
     from attack import attack, rebuild, seeds
     from mutations import mutated
 
-    files, rng = seeds(name), np.random.default_rng()
+    files, rng = seeds(name), np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
 
         def once(count: int) -> int:
-            hostile = {file: mutated(seed, rng) for file, seed in files.items()}
+            hostile = {file: mutated(one, rng) for file, one in files.items()}
             flight = attack(name, folder, hostile, weigh=count % 20 == 0)
             if flight is not None and count % 10 == 0:
                 rebuild([folder / file for file in hostile])
@@ -142,7 +144,7 @@ def by_mutations(name: str, seconds: float) -> int:
         return repeat(name, seconds, once, lambda error: keep(name, folder, error))
 
 
-def by_atheris(name: str, seconds: float) -> int:
+def by_atheris(name: str, seconds: float, seed: int) -> int:
     """Attack a reader with inputs led by the branches it takes; does not return."""
     import atheris
 
@@ -162,20 +164,25 @@ def by_atheris(name: str, seconds: float) -> int:
             raise
 
     most = max(4096, 2 * len(files[first]))
-    options = [f"-max_total_time={seconds:.0f}", f"-timeout={HANG}", f"-rss_limit_mb={MEMORY // 2**20}"]
+    options = [
+        f"-max_total_time={seconds:.0f}",
+        f"-seed={seed}",
+        f"-timeout={HANG}",
+        f"-rss_limit_mb={MEMORY // 2**20}",
+    ]
     options += [f"-max_len={most}", f"-artifact_prefix={folder}/", "-verbosity=0", "-print_final_stats=0"]
     atheris.Setup([sys.argv[0], *options, str(corpus)], once)
     atheris.Fuzz()
     return 0
 
 
-def by_bytes(name: str, seconds: float) -> int:
+def by_bytes(name: str, seconds: float, seed: int) -> int:
     """Attack a decoder with mutations of a stream, in pieces of any size; half of them pass every check."""
     import numpy as np
     from mutations import mutated
     from streams import DECODER_NAMES, attack_decoder, same, seeds, unchecked
 
-    protocol, rng = DECODER_NAMES[name], np.random.default_rng()
+    protocol, rng = DECODER_NAMES[name], np.random.default_rng(seed)
     streams, hostile = seeds(protocol), b""
 
     def once(count: int) -> int:
@@ -189,12 +196,12 @@ def by_bytes(name: str, seconds: float) -> int:
     return repeat(name, seconds, once, lambda error: keep_bytes(name, hostile, error))
 
 
-def by_pushes(name: str, seconds: float) -> int:
+def by_pushes(name: str, seconds: float, seed: int) -> int:
     """Attack what reads the requests of phones."""
     import numpy as np
     from pushes import PUSHES, changed
 
-    (make, attack), rng = PUSHES[name], np.random.default_rng()
+    (make, attack), rng = PUSHES[name], np.random.default_rng(seed)
     good, hostile = make(), b""
 
     def once(_count: int) -> int:
@@ -205,7 +212,7 @@ def by_pushes(name: str, seconds: float) -> int:
     return repeat(name, seconds, once, lambda error: keep_bytes(name, hostile, error))
 
 
-def by_phones(name: str, seconds: float) -> int:
+def by_phones(name: str, seconds: float, seed: int) -> int:
     """Attack a server for phones."""
     import numpy as np
     from pushes import besiege_phones
@@ -218,13 +225,13 @@ def by_phones(name: str, seconds: float) -> int:
 
     end = time.monotonic() + seconds
     with tempfile.TemporaryDirectory() as temporary:
-        rng = np.random.default_rng()
+        rng = np.random.default_rng(seed)
         answers = besiege_phones(Path(temporary), rng, lambda _count: time.monotonic() > end, keep_request)
     print(f"{name}: answers {dict(answers)}")
     return 1 if broken else 0
 
 
-def by_doors(name: str, seconds: float) -> int:
+def by_doors(name: str, seconds: float, seed: int) -> int:
     """Attack a laboratory that is served, by requests, messages, settings files and handshakes."""
     import numpy as np
     from doors import besiege
@@ -243,13 +250,13 @@ def by_doors(name: str, seconds: float) -> int:
 
         with serving(folder, "--visitors", "run") as served:
             end = time.monotonic() + seconds
-            rng = np.random.default_rng()
+            rng = np.random.default_rng(seed)
             work = besiege(served, rng, lambda _count: time.monotonic() > end, keep_attacks)
             asyncio.run(work)
     return 1 if broken else 0
 
 
-ENGINES: dict[str, Callable[[str, float], int]] = {
+ENGINES: dict[str, Callable[[str, float, int], int]] = {
     "mutations": by_mutations,
     "atheris": by_atheris,
     "bytes": by_bytes,
