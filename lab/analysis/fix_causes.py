@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.analysis.imu_columns import write_imu_columns
 from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
+from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.kernels.compilation import entry_kernel, kernel
 from lab.navigation.solution import Belief, Imu, Solution
+from lab.sensors.imu_errors import OFF_DIAGONAL
 
 CAUSES = 4
 """Regressors: latency [s], then the lever arm forward, right, down [m]."""
@@ -32,6 +33,8 @@ FIXES_AT_ONCE = 1024
 """Fixes whose transitions or gains are computed together, with some 20 kB each at 21 states."""
 RATE_WINDOW = 0.1
 """Time over which angular rate and acceleration at a fix are averaged [s]."""
+_ROWS, _COLUMNS = (["xyz".index(pair[k]) for pair in OFF_DIAGONAL] for k in (0, 1))
+"""The sensor that each misalignment concerns, and the axis that it measures too."""
 
 
 class MotionAtFixes(NamedTuple):
@@ -310,6 +313,36 @@ def transitions(motion: MotionAtFixes, dt: FloatArray, n: int, names: tuple[str,
     step[:, POS] += T * faster
     step[:, range(n), range(n)] += 1.0
     return step
+
+
+def write_imu_columns(
+    F: FloatArray, names: tuple[str, ...], C_nb: FloatArray, rate_b: FloatArray, force_b: FloatArray
+) -> None:
+    """Write the columns of scale factors, misalignments and g-sensitivity that a filter has into F (m, n, n).
+
+    Parameters
+    ----------
+    F : (m, n, n) array
+        System matrices.
+    names
+        The further blocks of the filter.
+    C_nb : (m, 3, 3) array
+        Attitudes.
+    rate_b, force_b : (m, 3) arrays
+        Angular rates [rad/s] and specific forces [m/s²] in b.
+    """
+    for rows, sign, shown, scale, misalignment in (
+        (ATT, 1, rate_b, blocks.GYRO_SCALE, blocks.GYRO_MISALIGNMENT),
+        (VEL, -1, force_b, blocks.ACCEL_SCALE, blocks.ACCEL_MISALIGNMENT),
+    ):
+        if scale in names:
+            F[:, rows, blocks.states_of(names, scale)] = sign * C_nb * shown[:, None, :]
+        if misalignment in names:
+            F[:, rows, blocks.states_of(names, misalignment)] = (
+                sign * C_nb[:, :, _ROWS] * shown[:, None, _COLUMNS]
+            )
+    if blocks.GYRO_G in names:
+        F[:, ATT, blocks.states_of(names, blocks.GYRO_G)] = C_nb * force_b[:, None, :]
 
 
 def respond(

@@ -16,7 +16,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.address_space import address_space
 from lab.base.histories import SINGLE
 from lab.base.processors import control_group_folders, system_text
 from lab.navigation.filters.kalman import MEASUREMENTS
@@ -280,6 +279,31 @@ def resident() -> int:
     """Return the memory that this process has now [bytes]; 0 where the system does not tell."""
     pages = system_text(Path("/proc/self/statm")).split()
     return int(pages[1]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
+
+
+def address_space() -> int:
+    """Return the address space of this process [bytes]."""
+    pages = system_text(Path("/proc/self/statm")).split()
+    return int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
+
+
+def limit_memory(more: int) -> None:
+    """Bound the memory that this process takes from now on; Linux enforces it, nothing happens elsewhere.
+
+    Parameters
+    ----------
+    more
+        Most memory beyond what the process has now [bytes].
+    """
+    if sys.platform != "linux":
+        return
+    import resource  # noqa: PLC0415 - not there on Windows
+
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = address_space() + more
+    resource.setrlimit(
+        resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
+    )
 
 
 def _sources() -> Iterator[int]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.imu_columns import write_imu_columns
+from lab.analysis.fix_causes import write_imu_columns
 from lab.base.arrays import FloatArray, of_kernel
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL

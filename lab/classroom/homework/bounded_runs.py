@@ -17,12 +17,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from lab.base.address_space import limit_memory
 from lab.classroom.homework.exported_run import REFUSED, Repeated, repeat
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed, key_text, parse_key
 from lab.classroom.lessons.quantities import QUANTITIES
-from lab.run.memory import TooLongError
+from lab.run.memory import TooLongError, limit_memory
 
 FIGURES = ("position_rms", "position_max", "velocity_rms", "tilt_rms", "heading_rms", "nees", "nis")
 """Quantities of the result in the table of the grades; see `lab.classroom.lessons.quantities`."""

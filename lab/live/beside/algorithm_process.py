@@ -17,7 +17,6 @@ from typing import Final
 
 import numpy as np
 
-from lab.base.address_space import limit_memory
 from lab.base.arrays import FloatArray
 from lab.live.beside.live_algorithm import (
     LiveAlgorithm,
@@ -26,6 +25,7 @@ from lab.live.beside.live_algorithm import (
     load_live_algorithm,
     stepped,
 )
+from lab.run.memory import limit_memory
 
 START: Final = 60.0
 """Longest start of the process [s]: the algorithm's libraries may take 10 s on a busy computer."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from lxml import etree
 
+from dashboards.pages.live.inviting import invitation_html
 from lab.base.qr_code import qr_code
 from lab.live.phone.invitation import LOOPBACK, Invitation
-from lab.views.phone_invitation import invitation_html
 
 ADDRESS = "https://192.0.2.1:5008/phone/abc"
 
