@@ -8,8 +8,7 @@ import numpy as np
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from lab.data.clock.reading_times import NO_READINGS
-from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU, TIMED_READING
+from lab.data.clock.timed_samples import NO_READINGS, TIMED_FIX, TIMED_IMU, TIMED_READING
 from lab.missions import Recording
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import C_nb_from_euler

@@ -23,7 +23,7 @@ def runways() -> Mapping[str, dict[str, float]]:
     The height is the elevation above the sea: a flight from there is too low or too high by the height of
     the geoid there. The heading is the course of the geodesic to the other end.
     """
-    from lab.flying.geodesic import geodesic  # noqa: PLC0415 - only needed by those who start there
+    from lab.flying.geodesy import geodesic  # noqa: PLC0415 - only needed by those who start there
 
     found = {}
     for code, airport in _airports().items():

@@ -22,7 +22,7 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
-from lab.flying.dead_reckoning import position
+from lab.flying.geodesy import position
 from lab.flying.manoeuvres import MAX_DURATION
 from lab.flying.plan_table import LATITUDES, SPEEDS, TURNS, number, plain_part, read_part, read_parts
 from lab.motion.frames.rotation import C_nb_from_euler, wrap

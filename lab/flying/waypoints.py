@@ -22,8 +22,7 @@ from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.flying.coordinated_turn import Vehicle, attitude
-from lab.flying.dead_reckoning import integral
-from lab.flying.geodesic import geodesic
+from lab.flying.geodesy import geodesic, integral
 from lab.flying.manoeuvres import MAX_DURATION
 from lab.flying.path_profile import Leg, Turn, profile
 from lab.flying.plan_table import LATITUDES, TURNS, choice, number, plain_part, read_part, read_parts

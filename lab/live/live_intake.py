@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from lab.base.parameters.counted import counted, were
 from lab.data.clock.faults import increasing
-from lab.data.clock.reading_times import NO_READINGS
-from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU
+from lab.data.clock.timed_samples import NO_READINGS, TIMED_FIX, TIMED_IMU
 from lab.data.log.pressure_height import Heights
 from lab.data.log.sensor_log import GnssLog
 from lab.data.streams.live_log import gnss_of, usable_fixes, usable_imu

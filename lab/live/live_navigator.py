@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
-from lab.data.clock.reading_times import NO_READINGS
+from lab.data.clock.timed_samples import NO_READINGS
 from lab.data.log.sensor_log import SensorLog
 from lab.data.streams.intake import Increments, Intake
 from lab.data.streams.source_status import Event

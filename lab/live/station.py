@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.files.mission_error import MissionError
-from lab.data.clock.reading_times import NO_READINGS
+from lab.data.clock.timed_samples import NO_READINGS
 from lab.data.log.sensor_log import SensorLog
 from lab.data.streams.ring import Read
 from lab.data.streams.rolling import ThinnedSamples

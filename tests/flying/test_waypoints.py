@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from lab.base.arrays import FloatArray
 from lab.flying.flight_plan import read_plan
-from lab.flying.geodesic import geodesic
+from lab.flying.geodesy import geodesic
 from lab.flying.path_profile import Turn, step, step_integral, step_slope
 from lab.flying.waypoints import WaypointPlan
 from lab.missions import MissionError, Recording, fly

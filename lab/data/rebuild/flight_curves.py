@@ -13,12 +13,11 @@ from scipy.interpolate import CubicSpline
 
 from lab.base.arrays import FloatArray
 from lab.data.rebuild import air_data
-from lab.data.rebuild.derived_motion import roughness, spline_rates
+from lab.data.rebuild.derived_motion import SmoothAxes, roughness, spline_rates
 from lab.data.rebuild.import_settings import AUTO, ImportSettings
 from lab.data.rebuild.quantisation import value_steps
 from lab.data.rebuild.raw_flight import JUDGED_SAMPLES, RawFlight
 from lab.data.rebuild.sample_times import prediction_error
-from lab.data.rebuild.smooth_axes import SmoothAxes
 from lab.data.rebuild.smoothing import (
     WIDEST_STEPS,
     best_smoothing,

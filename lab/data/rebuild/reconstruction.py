@@ -18,6 +18,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.likeness import rms
 from lab.data.log.vehicle import vehicle_in
+from lab.data.rebuild.derived_motion import SmoothAxes
 from lab.data.rebuild.flight_curves import (
     NOISE_THAT_MATTERS,
     FlightCurves,
@@ -27,7 +28,6 @@ from lab.data.rebuild.flight_curves import (
 )
 from lab.data.rebuild.import_settings import AUTO, ImportSettings
 from lab.data.rebuild.raw_flight import RawFlight
-from lab.data.rebuild.smooth_axes import SmoothAxes
 from lab.data.rebuild.smoothing import smoothed
 from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight
 from lab.flying import coordinated_turn

@@ -16,8 +16,8 @@ from lab.base.files.bounds import MAX_DURATION, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
 from lab.data.rebuild import row_repair
 from lab.data.rebuild import sample_times as clock
+from lab.data.rebuild.derived_motion import SmoothAxes
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
-from lab.data.rebuild.smooth_axes import SmoothAxes
 
 AS_RECORDED, REPAIRED = "as recorded", "repaired"
 TIME_STAMPS = (REPAIRED, AS_RECORDED)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lab.base.aid_table import SENT, SERIES
 from lab.base.arrays import FloatArray
 from lab.data.clock.faults import increasing
-from lab.data.clock.reading_times import NO_READINGS
+from lab.data.clock.timed_samples import NO_READINGS
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer, Series
 from lab.data.log.pressure_height import Heights
 from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired

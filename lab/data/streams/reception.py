@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lab.data.clock.clock_watch import ClockWatch
 from lab.data.clock.device_clock import DeviceClock
-from lab.data.clock.reading_times import NO_READINGS, ReadingTimes
+from lab.data.clock.timed_samples import NO_READINGS, ReadingTimes
 from lab.data.log.calibration import Calibration
 from lab.data.protocols.column_map import UNITS_OF, Column, ColumnMap, ColumnMapError, spelled
 from lab.data.protocols.decoder import Decoder, Statistics

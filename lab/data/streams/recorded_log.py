@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lab.base.files.mission_error import MissionError
 from lab.data.checks.log_check import check_log
-from lab.data.clock.reading_times import NO_READINGS
+from lab.data.clock.timed_samples import NO_READINGS
 from lab.data.formats import log_reader_of
 from lab.data.log.sensor_log import SensorLog
 from lab.data.protocols.catalogue import DECODERS

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.data.clock.reading_times import NO_READINGS
-from lab.data.clock.timed_samples import TIMED_FIX, TIMED_IMU, TIMED_READING
+from lab.data.clock.timed_samples import NO_READINGS, TIMED_FIX, TIMED_IMU, TIMED_READING
 
 ROOM = 2**17, 2**13, 2**15
 """Samples of the IMU, fixes, headings and speeds that are kept: two minutes at 1 kHz, 13 minutes at 10 Hz,
