@@ -17,7 +17,7 @@ from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
 from lab.data.rebuild import import_report
 from lab.data.rebuild.import_report import ImportReport
-from lab.data.rebuild.plausibility import motion, rate_agreement
+from lab.data.rebuild.plausibility import motion
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.flying import coordinated_turn
 from lab.missions import ImportSettings, MissionError, mission, prepare_import
@@ -39,17 +39,17 @@ def msfs(recordings: Path) -> Path:
 
 def test_a_real_flight_of_a_simulator_imports_without_hand_work(msfs):
     read = prepare_import(msfs)
-    moves, rates = motion(read.rebuilt), rate_agreement(read.flight, read.rebuilt)
+    moves = motion(read.flight, read.rebuilt)
     by_air = prepare_import(msfs, ImportSettings(curve="air data"))
     off = float(np.linalg.norm(by_air.rebuilt.position_residual))
     print(f"\n{read.flight.method}: stamps moved by {1000 * read.flight.moved_rms:.1f} ms rms")
-    for axis, like in zip("xyz", rates, strict=True):
+    for axis, like in zip("xyz", moves.agreements, strict=True):
         print(f"rate {axis}: slope {like.slope:.4f}, correlation {like.correlation:.5f}")
     print(
         f"median acceleration {moves.acceleration:.2f} m/s²; six variables with fitted wind {off:.2f} m rms"
     )
     assert read.report.verdict == "plausible"
-    for like in rates:
+    for like in moves.agreements:
         assert like.slope == pytest.approx(1, abs=0.02)
         assert like.correlation > 0.99
     assert moves.acceleration < 10

@@ -93,18 +93,11 @@ def lean(time: FloatArray, euler: FloatArray, force_n: FloatArray) -> Likeness:
     return likeness(*means)
 
 
-def leans_right(like: Likeness) -> bool:
-    """Return whether a vehicle accelerates where it leans, so that heading, pitch and roll are right."""
-    return _is_lean(like, limits.LOG.lean) and abs(like.angle) < limits.LOG.crab
+def leans(like: Likeness, coherence: float) -> bool:
+    """Return whether a vehicle accelerates as it leans, with at least some coherence, but for an angle.
 
-
-def lean_fault(like: Likeness) -> float:
-    """Return by how much the force is to the right of the lean [rad]; 0 if that is not certain."""
-    certain = _is_lean(like, limits.LOG.coherent) and abs(like.angle) > limits.LOG.crab
-    return like.angle if certain else 0.0
-
-
-def _is_lean(like: Likeness, coherence: float) -> bool:
+    Where this is small, heading, pitch and roll are right; else the force is to the right of the lean by it.
+    """
     low, high = limits.LOG.lean_ratio
     return bool(
         like.coherence > coherence and low < like.ratio < high and like.strength > limits.LOG.lively_speed

@@ -137,7 +137,11 @@ def _horizontal(legs: Legs) -> PathFound | None:
         return PathFound(UNLIKE, False, like, "other axes than north, east, down, or another clock")
     if like.coherence < limits.LOG.coherent:
         return None
-    return _of_size(like, vertical=False) or _of_direction(like)
+    found = _of_size(like, vertical=False)
+    if found is None and abs(like.angle) >= limits.LOG.rotation:
+        reversed_ = abs(like.angle) > np.pi - limits.LOG.rotation
+        found = PathFound(TURNED, False, like, _HALF_TURN if reversed_ else _MIRRORED[90])
+    return found
 
 
 def _vertical(risen: FloatArray, climbed: FloatArray) -> PathFound | None:
@@ -159,13 +163,6 @@ def _of_size(like: Likeness, *, vertical: bool) -> PathFound | None:
     if low < like.ratio < high:
         return None
     return PathFound(UNIT, vertical, like, _cause(like.ratio, heights=vertical))
-
-
-def _of_direction(like: Likeness) -> PathFound | None:
-    if abs(like.angle) < limits.LOG.rotation:
-        return None
-    reversed_ = abs(like.angle) > np.pi - limits.LOG.rotation
-    return PathFound(TURNED, False, like, _HALF_TURN if reversed_ else _MIRRORED[90])
 
 
 def _cause(factor: float, *, heights: bool = False) -> str:

@@ -22,10 +22,9 @@ from lab.data.rebuild.plausibility import (
     RebuiltMotion,
     findings,
     motion,
-    rate_agreement,
 )
 from lab.data.rebuild.quantisation import value_steps
-from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight, Reset
+from lab.data.rebuild.raw_flight import RawFlight, Reset
 from lab.data.rebuild.reconstruction import Reconstruction
 from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight
 from lab.motion.recordings.recording import Recording
@@ -158,20 +157,39 @@ def report(
     """
     force, rate = _fast_parts(flight, rebuilt)
     seen, in_fewer = _thinned(flight, rebuilt)
-    moves = motion(in_fewer)
+    moves = motion(seen, in_fewer)
     doubts = (FlightFinding(QUESTIONABLE, sentence) for sentence in raw.doubts)
-    found = (*doubts, *findings(seen, in_fewer, moves), *_losses(raw, flight), *_loudness(force))
+    found = (*doubts, *findings(seen, in_fewer, moves), *_losses(raw, flight))
+    if force > _QUESTIONABLE_NOISE:
+        sentence = (
+            f"The specific force has {force:.3g} m/s² rms of noise: differentiated samples, not motion. "
+            "Likely: coarse numbers or time stamps; repair and smoothing (settings time_stamps, smoothing) "
+            "reduce it."
+        )
+        level = IMPLAUSIBLE if force > _IMPLAUSIBLE_NOISE else QUESTIONABLE
+        found = (*found, FlightFinding(level, sentence))
     levels = {finding.level for finding in found}
     verdict = next((level for level in (IMPLAUSIBLE, QUESTIONABLE) if level in levels), PLAUSIBLE)
+    stated = f" (the file: {raw.vehicle[:_MAX_NAME]})" if raw.vehicle else ""
+    vehicle = f"judged as {_VEHICLES[rebuilt.vehicle]}{stated}; --set vehicle=NAME states another one"
+    units = [(one.column, f"{one.unit} ({one.source})") for one in raw.units]
+    units += [("", "another unit is given with --unit COLUMN=UNIT")] if units else []
     rows = [
         *_file(raw, flight),
         *_time(flight),
-        *_resolution(flight),
+        *(
+            ReportRow(
+                "Resolution",
+                name.capitalize(),
+                f"steps of {step:.3g} {unit}" if step else "finer than the samples show",
+            )
+            for name, (step, unit) in value_steps(flight.raw).items()
+        ),
         *_curve(rebuilt),
-        ReportRow("Curve", "Vehicle", _vehicle(raw, rebuilt)),
+        ReportRow("Curve", "Vehicle", vehicle),
         *_noise(flight, force, rate, sensor),
-        *_motion(seen, in_fewer, moves),
-        *_units(raw.units),
+        *_motion(moves),
+        *(ReportRow("Units", *unit) for unit in units),
         *(ReportRow("Remarks", "", text) for text in (*raw.remarks, *rebuilt.remarks)),
     ]
     return ImportReport(verdict, found, tuple(rows), force, rate)
@@ -192,24 +210,21 @@ def _file(raw: RawFlight, flight: RepairedFlight) -> list[ReportRow]:
         ),
         ReportRow("File", "Quantities", ", ".join(_WORDS.get(name, name) for name in raw.quantities)),
     ]
-    rows += [_left_out(f"{one.count} × {one.reason} (first: row {one.first_row})") for one in raw.dropped]
-    rows += [_left_out(f"{one.count} × {one.reason}") for one in flight.dropped]
-    return rows
-
-
-def _left_out(text: str) -> ReportRow:
-    return ReportRow("File", "Left out", text)
+    left = [f"{one.count} × {one.reason} (first: row {one.first_row})" for one in raw.dropped]
+    left += [f"{one.count} × {one.reason}" for one in flight.dropped]
+    return [*rows, *(ReportRow("File", "Left out", text) for text in left)]
 
 
 def _time(flight: RepairedFlight) -> list[ReportRow]:
     steps = np.diff(flight.raw.time)
     usual = float(np.median(steps))
+    each = " and ".join(f"the {name} (recorded at {rate:.3g} Hz)" for name, rate in flight.raw.rates)
     rows = [
         ReportRow(
             "Time",
             "Rate",
             f"{1 / usual:.4g} Hz, steps of {1000 * steps.min():.4g} to {1000 * steps.max():.4g} ms, usually "
-            f"{1000 * usual:.4g} ms{_interpolated(flight.raw)}",
+            f"{1000 * usual:.4g} ms{f'; interpolated to them: {each}' if each else ''}",
         ),
         ReportRow(
             "Time", "Duration", f"{flight.raw.time[-1]:.2f} s, from {flight.started:.12g} s of its clock"
@@ -229,12 +244,6 @@ def _time(flight: RepairedFlight) -> list[ReportRow]:
     if flight.raw.resets:
         rows.append(ReportRow("Time", "Resets", _resets(flight.raw.resets)))
     return rows
-
-
-def _interpolated(raw: RawFlight) -> str:
-    """Return the quantities that are recorded less often than the samples."""
-    each = " and ".join(f"the {name} (recorded at {rate:.3g} Hz)" for name, rate in raw.rates)
-    return f"; interpolated to them: {each}" if each else ""
 
 
 def _gaps(flight: RepairedFlight) -> str:
@@ -270,17 +279,6 @@ def _what_keeps_more(flight: RepairedFlight) -> str:
     return f"The recording is cut at pauses longer than {flight.longest_gap:.4g} s: {kept}"
 
 
-def _resolution(flight: RepairedFlight) -> list[ReportRow]:
-    return [
-        ReportRow(
-            "Resolution",
-            name.capitalize(),
-            f"steps of {step:.3g} {unit}" if step else "finer than the samples show",
-        )
-        for name, (step, unit) in value_steps(flight.raw).items()
-    ]
-
-
 def _curve(rebuilt: Reconstruction) -> list[ReportRow]:
     recording = rebuilt.recording
     how = "the samples as they are" if rebuilt.unchanged else f"rebuilt from {rebuilt.curve}"
@@ -307,12 +305,6 @@ def _curve(rebuilt: Reconstruction) -> list[ReportRow]:
     if rebuilt.wind is not None:
         rows.append(ReportRow("Curve", "Wind", _wind(rebuilt.wind)))
     return rows
-
-
-def _vehicle(raw: RawFlight, rebuilt: Reconstruction) -> str:
-    """Return the vehicle whose limits hold, and how it is known."""
-    stated = f" (the file: {raw.vehicle[:_MAX_NAME]})" if raw.vehicle else ""
-    return f"judged as {_VEHICLES[rebuilt.vehicle]}{stated}; --set vehicle=NAME states another one"
 
 
 def _ned(values: FloatArray) -> str:
@@ -389,7 +381,7 @@ def _fast_parts(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[float,
     return float(force), float(rate)
 
 
-def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion) -> list[ReportRow]:
+def _motion(moves: RebuiltMotion) -> list[ReportRow]:
     force, rate = moves.specific_force, np.degrees(moves.body_rate)
     rows = [
         ReportRow(
@@ -409,20 +401,12 @@ def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotio
             f"{abs(np.degrees(like.angle)):.0f}° beside it, coherence {like.coherence:.2f}"
         )
         rows.append(ReportRow("Motion", "Pitch and roll", text))
-    agreements = rate_agreement(flight, rebuilt)
-    if agreements is not None:
+    if moves.agreements is not None:
         text = "; ".join(
             f"{axis} slope {like.slope:.3f}, correlation {like.correlation:.4f}"
-            for axis, like in zip("xyz", agreements, strict=True)
+            for axis, like in zip("xyz", moves.agreements, strict=True)
         )
         rows.append(ReportRow("Motion", "Against recorded rates", text))
-    return rows
-
-
-def _units(units: Sequence[ColumnUnit]) -> list[ReportRow]:
-    rows = [ReportRow("Units", one.column, f"{one.unit} ({one.source})") for one in units]
-    if rows:
-        rows.append(ReportRow("Units", "", "another unit is given with --unit COLUMN=UNIT"))
     return rows
 
 
@@ -436,16 +420,6 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[FlightFinding]:
             f"Only {100 * used:.0f} % of the rows are used; the section File lists the omitted rows and the "
             f"reasons.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
             f"{' It is cut where the recorded solution jumps.' if flight.raw.resets else ''}",
-        )
-
-
-def _loudness(force: float) -> Iterable[FlightFinding]:
-    if force > _QUESTIONABLE_NOISE:
-        yield FlightFinding(
-            IMPLAUSIBLE if force > _IMPLAUSIBLE_NOISE else QUESTIONABLE,
-            f"The specific force has {force:.3g} m/s² rms of noise: differentiated samples, not motion. "
-            "Likely: coarse numbers or time stamps; repair and smoothing (settings time_stamps, smoothing) "
-            "reduce it.",
         )
 
 

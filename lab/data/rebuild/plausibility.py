@@ -18,8 +18,7 @@ from lab.data.checks.attitude_check import (
     bank_fault,
     heading_fault,
     lean,
-    lean_fault,
-    leans_right,
+    leans,
     pitch_fault,
     rates_agree,
 )
@@ -31,7 +30,6 @@ from lab.data.rebuild.reconstruction import Reconstruction
 from lab.data.rebuild.time_repair import RepairedFlight
 from lab.flying import coordinated_turn
 from lab.motion.frames import ecef
-from lab.motion.recordings.recording import Recording
 
 QUESTIONABLE, IMPLAUSIBLE = "questionable", "implausible"
 
@@ -82,6 +80,8 @@ class RebuiltMotion:
         Median length of the acceleration over the Earth [m/s²].
     leaning : Likeness or None
         How its horizontal specific force follows pitch and roll; None if they are not recorded.
+    agreements : tuple of Likeness or None
+        How the rates of its attitude follow the recorded ones, about x, y, z; None if there are none.
     """
 
     specific_force: FloatArray
@@ -90,12 +90,14 @@ class RebuiltMotion:
     speed: FloatArray
     acceleration: float
     leaning: Likeness | None
+    agreements: tuple[Likeness, ...] | None
 
 
-def motion(rebuilt: Reconstruction) -> RebuiltMotion:
-    """Return the motion of a rebuilt flight."""
+def motion(flight: RepairedFlight, rebuilt: Reconstruction) -> RebuiltMotion:
+    """Return the motion of a flight that was rebuilt from repaired samples."""
     recording = rebuilt.recording
-    force, acceleration = _force(recording)
+    acceleration = CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
+    force = specific_force(recording.position, recording.velocity_n, acceleration)
     near = ecef.near_pole(recording.latitude)
     rates = np.linalg.norm(body_rates(recording.time, recording.euler), axis=1)
     elsewhere = ~near if not near.all() else near
@@ -106,17 +108,11 @@ def motion(rebuilt: Reconstruction) -> RebuiltMotion:
         speed=np.linalg.norm(recording.velocity_n, axis=1),
         acceleration=float(np.median(np.linalg.norm(acceleration, axis=1)[elsewhere])),
         leaning=None if rebuilt.attitude_reconstructed else lean(recording.time, recording.euler, force),
+        agreements=_rate_agreement(flight, rebuilt),
     )
 
 
-def _force(recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """Return specific force and acceleration in n (n, 3) [m/s²]."""
-    position = recording.position
-    acceleration = CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
-    return specific_force(position, recording.velocity_n, acceleration), acceleration
-
-
-def rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Likeness, ...] | None:
+def _rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Likeness, ...] | None:
     """Return how the rates of the rebuilt attitude follow the recorded body rates, about x, y, z.
 
     Both as increments over some samples; None where the file has no rates.
@@ -148,12 +144,11 @@ def findings(
     moves
         Its motion.
     """
-    rates = rate_agreement(flight, rebuilt)
     found = [
-        *_beyond_limits(flight, rebuilt, moves, rates_agree(rates)),
+        *_beyond_limits(flight, rebuilt, moves),
         *_velocity_against_positions(flight),
         *_attitude_against_path(rebuilt, moves),
-        *_rates(rates),
+        *_rates(moves.agreements),
         *_airspeed(rebuilt),
         *_residuals(rebuilt),
     ]
@@ -177,7 +172,7 @@ def _derived_quantities(flight: RepairedFlight, rebuilt: Reconstruction) -> dict
 
 
 def _beyond_limits(
-    flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion, rates_agree: bool
+    flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion
 ) -> list[FlightFinding]:
     vehicle, found = rebuilt.vehicle, []
     many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
@@ -186,7 +181,7 @@ def _beyond_limits(
     for name, (unit, factor) in _UNITS.items():
         limit = getattr(limits.VEHICLES[vehicle], name.replace(" ", "_"))
         often = float(np.quantile(getattr(moves, name.replace(" ", "_")), limits.LOG.reached))
-        if often > limit.usual and not (name == "body rate" and rates_agree):
+        if often > limit.usual and not (name == "body rate" and rates_agree(moves.agreements)):
             # A file is not refused for quantities that the lab derived.
             level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
             found.append(
@@ -237,7 +232,11 @@ def _attitude_against_path(rebuilt: Reconstruction, moves: RebuiltMotion) -> lis
     if leaning is None:
         return []
     if rebuilt.vehicle == "copter":
-        return _lean(leaning)
+        is_certain = leans(leaning, limits.LOG.coherent) and abs(leaning.angle) > limits.LOG.crab
+        side = f"{abs(np.degrees(leaning.angle)):.0f}° to the {'right' if leaning.angle > 0 else 'left'}"
+        said = f"The specific force points {side} of where pitch and roll lean"
+        likely = "the heading is off by that, or pitch and roll have other signs or places"
+        return [FlightFinding(IMPLAUSIBLE, f"{said}. Likely: {likely}.")] if is_certain else []
     velocity, euler = rebuilt.recording.velocity_n, rebuilt.recording.euler
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.LOG.course_of_flight
     if moving.sum() < limits.LOG.compared_fixes or not limits.VEHICLES[rebuilt.vehicle].shows_heading:
@@ -245,26 +244,13 @@ def _attitude_against_path(rebuilt: Reconstruction, moves: RebuiltMotion) -> lis
     off = heading_fault(velocity[moving], euler[moving, 2])
     if off is None and rebuilt.vehicle == "aircraft":
         return _of_wings(rebuilt, moving)
-    if off is None or leans_right(leaning):
+    is_right = leans(leaning, limits.LOG.lean) and abs(leaning.angle) < limits.LOG.crab
+    if off is None or is_right:
         return []
     said = f"The heading is usually {np.degrees(off.angle):.0f}° from the direction of motion. Likely: "
     level = IMPLAUSIBLE if off.cause else QUESTIONABLE
     likely = off.cause or "another column, or a vehicle that moves sideways"
     return [FlightFinding(level, f"{said}{likely}.")]
-
-
-def _lean(leaning: Likeness) -> list[FlightFinding]:
-    beside = lean_fault(leaning)
-    if not beside:
-        return []
-    side = f"{abs(np.degrees(beside)):.0f}° to the {'right' if beside > 0 else 'left'}"
-    return [
-        FlightFinding(
-            IMPLAUSIBLE,
-            f"The specific force points {side} of where pitch and roll lean. Likely: the heading is off by "
-            "that, or pitch and roll have other signs or places.",
-        )
-    ]
 
 
 def _of_wings(rebuilt: Reconstruction, moving: Flags) -> list[FlightFinding]:

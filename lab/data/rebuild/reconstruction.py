@@ -114,14 +114,20 @@ def reconstruct(flight: RepairedFlight, settings: ImportSettings) -> Reconstruct
     curve = _chosen(str(settings.curve), curves, raw)
     grid = regular_grid(raw.time, float(settings.rate), 0.0 if raw.euler is not None else _MIN_RATE)
     made = FlightCurves(raw, settings, grid)
-    vehicle = _vehicle(raw, settings)
+    vehicle = vehicle_in(raw.vehicle).flight if settings.vehicle == AUTO else str(settings.vehicle)
     recording = _as_recorded(flight, grid, settings) if curve == "velocity" else None
     unchanged = recording is not None
     if recording is None:
         methods = {"velocity": made.of_velocity, "position": made.of_positions, "air data": made.of_air_data}
         position, velocity_n = methods[curve]()
         euler = _attitude(made, position, velocity_n, vehicle)
-        recording = _recording(raw, grid, position, velocity_n, euler)
+        extras = {
+            name: np.interp(grid, raw.time, values)
+            for name in ("airspeed", "alpha", "beta")
+            if (values := getattr(raw, name)) is not None
+        }
+        longitude = rotation.wrap(position[:, 1])
+        recording = Recording(grid, position[:, 0], longitude, position[:, 2], velocity_n, euler, **extras)
     residuals = (np.zeros(3), np.zeros(3), 0.0) if unchanged else _residuals(made, recording)
     return Reconstruction(
         recording=recording,
@@ -159,11 +165,6 @@ def _chosen(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
         )
         return "position" if clearly_worse else "velocity"
     return next(iter(curves))
-
-
-def _vehicle(raw: RawFlight, settings: ImportSettings) -> str:
-    """Return the vehicle: that of the settings, or of the file, or an aircraft."""
-    return vehicle_in(raw.vehicle).flight if settings.vehicle == AUTO else str(settings.vehicle)
 
 
 def _attitude(made: FlightCurves, position: FloatArray, velocity_n: FloatArray, vehicle: str) -> FloatArray:
@@ -225,18 +226,6 @@ def _as_recorded(flight: RepairedFlight, grid: FloatArray, settings: ImportSetti
     )  # fmt: skip
 
 
-def _recording(
-    raw: RawFlight, grid: FloatArray, position: FloatArray, velocity_n: FloatArray, euler: FloatArray
-) -> Recording:
-    extras = {
-        name: np.interp(grid, raw.time, values)
-        for name in ("airspeed", "alpha", "beta")
-        if (values := getattr(raw, name)) is not None
-    }
-    longitude = rotation.wrap(position[:, 1])
-    return Recording(grid, position[:, 0], longitude, position[:, 2], velocity_n, euler, **extras)
-
-
 def _residuals(
     made: FlightCurves, recording: Recording
 ) -> tuple[FloatArray | None, FloatArray | None, float | None]:
@@ -294,11 +283,11 @@ def regular_grid(time: FloatArray, rate: float, least_rate: float) -> FloatArray
     """
     steps = np.diff(time)
     usual, span = float(np.median(steps)), float(time[-1])
+    mean = span / max(float(np.round(span / usual)), 1.0)  # some samples may be missing
     if rate:
         step = 1 / rate
-    elif _is_even(time, usual):
-        step = span / max(round(span / usual), 1)
-        step /= max(np.ceil(least_rate * step - 1e-6), 1)
+    elif np.abs(time - mean * np.round(time / mean)).max() < _MAX_UNEVEN * mean:
+        step = mean / max(np.ceil(least_rate * mean - 1e-6), 1)
     else:
         rate_of_samples = min(_GRID_TIMES_PER_STEP / usual, _MAX_GRID_TIMES_PER_SAMPLE * len(time) / span)
         wanted = max(rate_of_samples, least_rate)
@@ -318,10 +307,3 @@ def regular_grid(time: FloatArray, rate: float, least_rate: float) -> FloatArray
     grid = np.arange(count + 1) * step
     # Rounding must not carry the last point beyond the last sample.
     return np.minimum(grid, span) if count > 2 else np.linspace(0.0, span, 4)
-
-
-def _is_even(time: FloatArray, step: float) -> bool:
-    """Return whether samples are evenly spaced, some perhaps missing."""
-    count = np.round(time / step)
-    step = float(time[-1] / max(count[-1], 1))
-    return bool(np.abs(time - step * np.round(time / step)).max() < _MAX_UNEVEN * step)

@@ -70,10 +70,6 @@ _MIN_FOR_SPIKE = 5
 by."""
 _MAX_SPIKE_RETURN = 0.2
 """Distance between the neighbours of a spike over the path to it and back: a spike comes back."""
-_MIN_GAP_STEPS = 5
-"""Usual steps that are bridged, whatever `longest_gap` says: a slow recording has long steps."""
-_STAMP_ROUNDING = 1e-9
-"""Rounding of a time stamp next to that of a reset [s]."""
 MAX_BRIDGED_GAP = 3600.0
 """Longest gap that may be bridged [s]: what moved in an hour nothing says."""
 _MAX_GAPS_TRIED = 50
@@ -253,18 +249,6 @@ def with_jumps(raw: RawFlight) -> RawFlight:
         for at in jumps(raw.time, position)[:_MAX_JUMPS]
     ]
     return replace(raw, resets=tuple(found))
-
-
-def reset_places(raw: RawFlight) -> NDArray[np.intp]:
-    """Return the indices of the first samples after the estimator of the source was set anew."""
-    times = np.array([reset.time for reset in raw.resets])
-    after = np.searchsorted(np.maximum.accumulate(raw.time), times - _STAMP_ROUNDING)
-    return np.unique(after[(after > 0) & (after < len(raw.time))])
-
-
-def bridged_gap(raw: RawFlight, longest_gap: float) -> float:
-    """Return the longest pause [s] that is bridged: `longest_gap`, and at least five usual steps."""
-    return max(longest_gap, _MIN_GAP_STEPS * usual_step(raw.time))
 
 
 def longest_stretch(

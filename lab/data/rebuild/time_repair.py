@@ -14,6 +14,8 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import MAX_DURATION, MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
+from lab.data.checks.likeness import rms
+from lab.data.clock.faults import usual_step
 from lab.data.rebuild import row_repair
 from lab.data.rebuild import sample_times as clock
 from lab.data.rebuild.derived_motion import SmoothAxes
@@ -28,6 +30,10 @@ _MIN_REPEATED_PART = 0.05
 At twice it, the stamps of a timer of 55.6 ms are not repaired; at half they are."""
 _MIN_NEW_STAMP = 1e-6
 """Step of the stamps below which one repeats that before [s]: the finest that any recorder writes."""
+_MIN_GAP_STEPS = 5
+"""Usual steps that are bridged, whatever `longest_gap` says: a slow recording has long steps."""
+_STAMP_ROUNDING = 1e-9
+"""Rounding of a time stamp next to that of a reset [s]."""
 _MIN_STEP = 1e-7
 """Shortest step between repaired times that is accepted [s]: splines through closer ones lose their
 digits."""
@@ -128,8 +134,10 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     raw, breaks = row_repair.in_order(raw)
     if not len(breaks):
         raw = row_repair.with_jumps(row_repair.without_spikes(row_repair.fresh(raw)))
-    breaks = np.unique(np.concatenate((breaks, row_repair.reset_places(raw))))
-    bridged = row_repair.bridged_gap(raw, longest_gap)
+    resets = np.array([reset.time for reset in raw.resets])
+    after = np.searchsorted(np.maximum.accumulate(raw.time), resets - _STAMP_ROUNDING)
+    breaks = np.unique(np.concatenate((breaks, after[(after > 0) & (after < len(raw.time))])))
+    bridged = max(longest_gap, _MIN_GAP_STEPS * usual_step(raw.time))
     jumps = row_repair.jumps_between(raw, breaks)
     more = row_repair.bridging(raw, jumps, bridged)
     raw, cuts = row_repair.longest_stretch(raw, jumps, bridged)
@@ -247,17 +255,11 @@ def _evidence(raw: RawFlight) -> dict[str, FloatArray]:
 
 def _roughness(times: FloatArray, evidence: Mapping[str, FloatArray]) -> dict[str, float]:
     """Return the rms difference of the samples from what their neighbours predict."""
-    return {
-        name: float(
-            np.sqrt(np.mean(np.minimum(error := _miss(times, values), _OUTLIERS * np.median(error)) ** 2))
-        )
-        + _SMOOTH_ENOUGH[name]
-        for name, values in evidence.items()
-    }
-
-
-def _miss(times: FloatArray, values: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.norm(clock.prediction_error(times, values), axis=1))
+    found = {}
+    for name, values in evidence.items():
+        miss = np.linalg.norm(clock.prediction_error(times, values), axis=1)
+        found[name] = float(rms(np.minimum(miss, _OUTLIERS * np.median(miss)))) + _SMOOTH_ENOUGH[name]
+    return found
 
 
 def _ratios(before: Mapping[str, float], after: Mapping[str, float]) -> list[float]:
