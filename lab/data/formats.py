@@ -166,7 +166,7 @@ _NOT_READ = (
     ),
     (
         re.compile(
-            rb"[^\0]{0,2000}?\n[^\0A-Za-z\n]{0,99}\d[^\0A-Za-z\d\n]{0,9}[,;\t ][^\0A-Za-z\d\n]{0,99}\d"
+            rb"[^\0]{0,2000}?\n[^\0A-DF-Za-df-z\n]{0,99}\d[^\0A-Za-z\d\n]{0,9}[,;\t ][^\0A-Za-z\d\n]{0,99}\d"
         ),
         _TABLE,
     ),
@@ -204,7 +204,7 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     advice = (
         what_is_damaged(path, head)
         or advice_on_frames(head)
-        or (sensor_csv.missing_time_reason(head) if advice == _TABLE else "")
+        or (sensor_csv.missing_time_reason(head) if advice in ("", _TABLE) else "")
         or advice
     )
     if advice in ("", _TABLE) and (frames := sound_frames(head)):

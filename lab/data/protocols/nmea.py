@@ -3,7 +3,8 @@
 Position comes from GGA, GNS, RMC or GLL, velocity from RMC or VTG, σ from GST, the date from RMC or ZDA: the
 first of them that says it. Sentences are found anywhere: stamps of a logger before them, and binary frames
 between them, do no harm. Sentences with a wrong or missing check are not taken; the check has 8 bits. The
-velocity has no vertical part.
+velocity has no vertical part, unless the receiver sends PUBX,00: u-blox' own sentence has position, velocity
+and accuracies.
 
 A position is a fix unless a sentence says otherwise: quality 6 to 8 of GGA and the modes E, M and S stand for
 one that is estimated, typed in or simulated, and the status V is a warning.
@@ -14,6 +15,7 @@ time of their arrival stands for it. An estimated heading (mode E of THS) is not
 References
 ----------
 NMEA 0183, *Standard for Interfacing Marine Electronic Devices*.
+u-blox, *M8 Receiver Description Including Protocol Specification* (UBX-13003221): PUBX,00.
 """
 
 from __future__ import annotations
@@ -29,8 +31,10 @@ from lab.data.protocols.epochs import Epoch, Epochs
 from lab.data.protocols.framing import MORE, NONE, Framing, xor8
 from lab.data.protocols.rows import LARGEST_HEIGHT, LARGEST_SPEED, Rows
 from lab.data.protocols.samples import (
+    COMBINED,
     ENTERED,
     ESTIMATED,
+    FIX_2D,
     FIX_3D,
     FIX_DIFFERENTIAL,
     FIX_RTK,
@@ -53,18 +57,23 @@ SENTENCES = {
     "ZDA": "time day month year",
     "HDT": "heading way",
     "THS": "heading way",
+    "PUBX,00": "time lat ns lon ew ellipsoid solution horizontal up kmh course down",
 }
 """What the cells of each sentence are, from the one after its name; those after | may be left out."""
-POSITIONS = frozenset(("GGA", "GNS", "RMC", "GLL"))
+POSITIONS = frozenset(("GGA", "GNS", "RMC", "GLL", "PUBX,00"))
 """Sentences that make a fix."""
 _DATE = "ZDA"
 """A sentence that no epoch needs: receivers without a fix send it with the time, and the others without."""
+_UBLOX = "PUBX,00"
+"""The sentence whose name is longer."""
+_NAME = len(f"${_UBLOX},")
+"""Bytes up to its first cell."""
 _CELLS = {
     kind: (len(names.partition(" |")[0].split()), names.replace(" |", "").split())
     for kind, names in SENTENCES.items()
 }
 """Fewest cells after the name of each sentence, and the names of all that are read."""
-_SENTENCE = re.compile(rb"\$([A-Z]{2})([A-Z]{3}),([ -)+-~]*)\*([0-9A-Fa-f]{2})")
+_SENTENCE = re.compile(rb"\$(?:[A-Z]{2}[A-Z]{3}|PUBX,00),[ -)+-~]*\*([0-9A-Fa-f]{2})")
 _STOP = re.compile(rb"[^ -)+-~]")
 """What no sentence has before its check: what is no text, a star."""
 _NUMBER = re.compile(rb"[+-]?\d{1,10}(?:\.\d{0,12})?")
@@ -100,6 +109,14 @@ _MODES = {
 }  # fmt: skip
 """Kinds of fixes by the modes of GNS, RMC and GLL; GNS has one for each system of satellites."""
 _NUMBERS = ("altitude", "geoid", "satellites", "north", "east", "up", "speed", "course")
+_OF_UBLOX = ("ellipsoid", "kmh", "horizontal", "down")
+_KMH = 3.6
+"""Speed in km/h of 1 m/s."""
+_SOLUTIONS = {
+    "NF": NO_FIX, "TT": NO_FIX, "DR": ESTIMATED, "G2": FIX_2D, "G3": FIX_3D, "D2": FIX_2D,
+    "D3": FIX_DIFFERENTIAL, "RK": COMBINED,
+}  # fmt: skip
+"""Kinds of fixes by the status of PUBX,00: RK is of dead reckoning together with satellites."""
 _NOT_BY_SATELLITES = (SIMULATED, ESTIMATED, ENTERED)
 _TRUE_HEADINGS = b"TAS"
 """What follows a true heading that is measured or simulated; HDT has no other."""
@@ -152,24 +169,24 @@ class Nmea(Framing):
         if data[stop.start()] == ord("*"):
             return stop.start() + _CHECK - at
         # A sentence that ends with its line has no check; it is counted as broken.
-        is_line = data[stop.start()] in b"\r\n" and data[at + 3 : at + 6].decode("latin-1") in SENTENCES
+        is_line = data[stop.start()] in b"\r\n" and _name(data[at : at + _NAME]) in SENTENCES
         return stop.start() - at if is_line else NONE
 
     def passes(self, frame: bytes) -> bool:
         """Return whether this is a sentence with the check it says."""
         found = _SENTENCE.fullmatch(frame)
-        if found is not None and int(found[4], 16) == xor8(frame[1:-_CHECK]):
+        if found is not None and int(found[1], 16) == xor8(frame[1:-_CHECK]):
             return True
-        if frame[3:6].decode("latin-1") in SENTENCES:
+        if _name(frame) in SENTENCES:
             self.broken += 1
             self.first_broken = self.first_broken or frame
         return False
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Take what a sentence says, and add the fix it completes; return whether it is one that is read."""
-        kind = frame[3:6].decode()
+        kind = _name(frame)
         least, names = _CELLS.get(kind, (0, []))
-        cells = frame[7:-_CHECK].split(b",")
+        cells = frame[_NAME if kind == _UBLOX else 7 : -_CHECK].split(b",")
         if not names or len(cells) < least or frame[1:3] == b"VN":
             return False
         said = dict(zip(names, cells, strict=False))
@@ -232,7 +249,12 @@ class Nmea(Framing):
             self.geoid = geoid
         self._last_geoid = self._last_geoid if math.isnan(geoid) else geoid
         height = altitude + (0.0 if math.isnan(self._last_geoid) else self._last_geoid)
-        velocity, sigma = self._velocity(speed * KNOT, course)
+        ellipsoid, kmh, radius, down = (_number(cells.get(name, b"")) for name in _OF_UBLOX)
+        if above_ellipsoid := math.isfinite(ellipsoid) and math.isnan(self._last_geoid):
+            height = ellipsoid
+        radius = math.sqrt((north * north + east * east) / 2) if math.isnan(radius) else radius
+        velocity, sigma = self._velocity(speed * KNOT if math.isnan(kmh) else kmh / _KMH, course)
+        velocity = (*velocity[:2], down if abs(down) <= LARGEST_SPEED else NAN)
         kind = _combined([kind for one in said if (kind := _kind_of(one)) is not None])
         rows.add_fix(
             epoch.end,
@@ -242,11 +264,11 @@ class Nmea(Framing):
             height=height if abs(height) <= LARGEST_HEIGHT else NAN,
             velocity_n=velocity,
             speed_sigma=sigma,
-            horizontal_sigma=math.sqrt((north * north + east * east) / 2),
+            horizontal_sigma=radius,
             vertical_sigma=up,
             satellites=-1 if math.isnan(satellites) else int(satellites),
             fix_type=NO_FIX if math.isnan(latitude) else kind,
-            sea_level=math.isnan(self._last_geoid) and math.isfinite(altitude),
+            sea_level=math.isnan(self._last_geoid) and math.isfinite(altitude) and not above_ellipsoid,
         )
 
     def _velocity(self, speed: float, course: float) -> tuple[Vector, float]:
@@ -269,8 +291,16 @@ def _add_heading(said: _Said, end: int, rows: Rows) -> None:
         rows.add_reading(end, heading=math.radians(heading))
 
 
+def _name(frame: bytes | bytearray) -> str:
+    """Return the name of a sentence by its first bytes."""
+    text = frame[:_NAME].decode("latin-1")
+    return _UBLOX if text == f"${_UBLOX}," else text[3:6]
+
+
 def _kind_of(said: _Said) -> int | None:
     """Return the kind of fix that a sentence says; None for one of other things."""
+    if "solution" in said:
+        return _SOLUTIONS.get(said["solution"].decode("latin-1"), NO_FIX)
     if "quality" in said:
         quality = _number(said["quality"])
         return _QUALITIES[int(quality)] if 0 <= quality < len(_QUALITIES) else NO_FIX

@@ -40,7 +40,9 @@ from lab.data.rebuild.raw_flight import Dropped, RawFlight
 NMEA, UBX, NOVATEL, SBF = "NMEA 0183", "u-blox UBX", "NovAtel OEM", "Septentrio SBF"
 """Names of the formats."""
 _SENTENCE = re.compile(
-    rb"\$[A-Z]{2}(?:" + "|".join(sorted(SENTENCES)).encode() + rb"),[ -)+-~]{5,120}\*[0-9A-Fa-f]{2}"
+    rb"\$(?:"
+    + "|".join(one if "," in one else f"[A-Z]{{2}}{one}" for one in sorted(SENTENCES)).encode()
+    + rb"),[ -)+-~]{5,120}\*[0-9A-Fa-f]{2}"
 )
 _MESSAGE = re.compile(b"|".join(re.escape(b"\xb5b" + kind) for kind in sorted(MESSAGES.values())))
 
@@ -159,12 +161,10 @@ def read_nmea(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             "or other text, and are left out."
         )
     if np.isfinite(height[fixes["fix_type"] != NO_FIX]).any():
-        remarks.append(
-            SEA_LEVEL
-            if np.isnan(framing.geoid)
-            else "Heights are above the ellipsoid: altitude plus the geoid's separation, both of the "
-            "receiver."
-        )
+        plus = "altitude plus the geoid's separation, both of the receiver"
+        said = "as PUBX,00 has them" if np.isnan(framing.geoid) else plus
+        is_of_sea = np.isnan(framing.geoid) and on_sea.any()
+        remarks.append(SEA_LEVEL if is_of_sea else f"Heights are above the ellipsoid: {said}.")
     places = _Places(data, b"\n" if b"\n" in data else b"\r", 1)
     dropped = _broken("sentences with a wrong or no checksum", framing, places)
     return _track(path, NMEA, fixes, time, height, places, dropped, remarks)

@@ -32,11 +32,20 @@ from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
 from lab.data.log.vehicle import vehicle_of
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES
+from lab.data.sheets.json_tables import is_json, json_tables
+from lab.data.sheets.long_table import is_long, long_tables
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_attitude import attitude_of, reference_of
 from lab.data.sheets.sheet_axes import Oriented, oriented
-from lab.data.sheets.sheet_blocks import in_time_order, of_one_instance, one_recording, read_sheets
+from lab.data.sheets.sheet_blocks import (
+    has_velocity,
+    in_time_order,
+    of_one_instance,
+    one_recording,
+    read_sheets,
+    with_velocities,
+)
 from lab.data.sheets.sheet_clock import end_together, offset_that_agrees, remark_on_ends, times_of
 from lab.data.sheets.sheet_field import field_of
 from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
@@ -61,6 +70,8 @@ NAME = "csv with named columns"
 
 MAX_MEMBERS = 200
 """Most files in a zip: exports of phones have some twenty."""
+_HEAD_BYTES = 2**16
+"""Bytes that show whether the rows of a text are of several kinds."""
 _ENDINGS = (".csv", ".txt", ".tsv", ".dat")
 _KITTI = b"oxts/"
 _MIN_QUANTITIES = 3
@@ -85,16 +96,18 @@ def recognises(head: bytes) -> bool:
         return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
     text = as_utf8(head)
     is_binary = len(_CONTROL.findall(text)) > _MOST_CONTROLS * len(text)  # noise names columns too
-    if head[:4000].count(0) > len(head[:4000]) // 2 or b"\n" not in text or is_binary:
+    if head[:4000].count(0) > len(head[:4000]) // 2 or not (b"\n" in text or is_json(text)) or is_binary:
         return False
-    return KITTI_STAMP.match(head) is not None or _names_enough(text)
-
-
-def _names_enough(text: bytes) -> bool:
-    """Return whether a text has a header that names time, and a position or a sensor."""
     # Columns x, y and z are of a sensor that the name of the file tells.
+    return KITTI_STAMP.match(head) is not None or any(
+        _names_enough(table, name) for name, table in _parted("accelerometer", text)
+    )
+
+
+def _names_enough(text: bytes, name: str) -> bool:
+    """Return whether a text has a header that names time, and a position or a sensor."""
     try:
-        layout = layout_of(as_table(text), "accelerometer")
+        layout = layout_of(as_table(text), name)
     except MissionError:
         return True  # of several profiles, which reading reports
     if layout is None:
@@ -110,6 +123,7 @@ def _names_enough(text: bytes) -> bool:
         and (
             set(_POSITION) <= names
             or set(_QUATERNION) <= names
+            or has_velocity(names)
             or bool(names & {"rate", "force", "place", "field"})
         )
     )
@@ -349,7 +363,7 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
             f"accepted are columns of {', '.join(QUANTITIES)}"
         )
     sheets = [of_one_instance(sheet) for sheet in against_gravity(sheets, metadata)]
-    return [in_time_order(sheet) for sheet in one_recording(sheets)]
+    return with_velocities([in_time_order(sheet) for sheet in one_recording(sheets)])
 
 
 def names_quantity(text: str) -> bool:
@@ -368,7 +382,7 @@ def tables_in(path: Path, data: bytes) -> list[tuple[str, bytes]]:
         return fit_imu.tables(path, data)
     if not data.startswith(ZIP):
         loose = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
-        return [loose or (path.name, data)]
+        return [loose] if loose else _parted(path.name, data)
     found = unzipped(path, data, _wanted, MAX_BYTES)
     if not found:
         raise MissionError(
@@ -376,9 +390,18 @@ def tables_in(path: Path, data: bytes) -> list[tuple[str, bytes]]:
         )
     frames = [(name, text) for name, text in found if KITTI_FRAME.search(name)]
     if not frames:
-        return [(Path(name).name, text) for name, text in found]
+        return [one for name, text in found for one in _parted(Path(name).name, text)]
     drive = frames[0][0].partition("/oxts/")[0].rpartition("/")[2]
     return [(drive, kitti_table([text for _, text in frames], found[-1][1]))]
+
+
+def _parted(name: str, data: bytes) -> list[tuple[str, bytes]]:
+    """Return the tables in a text whose rows are of several kinds, named by these; others as they are."""
+    head = as_utf8(data[:_HEAD_BYTES])
+    tables = json_tables if is_json(head) else long_tables if is_long(head) else None
+    found = tables(as_utf8(data)) if tables else []
+    stem = name.partition(".")[0]
+    return [(f"{(kind or stem).replace('.', ' ')}.csv", table) for kind, table in found] or [(name, data)]
 
 
 def _wanted(names: Sequence[str]) -> list[str]:

@@ -207,6 +207,8 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
     )
 
 
+_LEADING_ZERO = re.compile(rb"(?m)(?:^|[,;\t| \"])0\d")
+"""In rows with names of vehicles that are numbers: 007 is another one than 7."""
 _OF_DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.]\d{4}")
 """A date."""
 
@@ -296,8 +298,9 @@ def _numbers(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", pd.errors.ParserWarning)
         try:
-            if _has_dates_in_digits(data, layout, places, headings):
-                raise ValueError  # noqa: TRY301 - doubles do not hold their fractions
+            has_names = any(one.quantity == "craft" for one in headings) and _LEADING_ZERO.search(data)
+            if has_names or _has_dates_in_digits(data, layout, places, headings):
+                raise ValueError  # noqa: TRY301 - doubles hold no leading zeros, and not all fractions
             frame = pd.read_csv(io.BytesIO(data), dtype=np.float64, na_values=list(_NO_NUMBER), **how)
             return [frame[place].to_numpy() for place in places], {}
         except (ValueError, OverflowError, pd.errors.ParserError):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
@@ -240,6 +241,62 @@ def in_time_order(sheet: Sheet) -> Sheet:
         restarts=(),
         remarks=(*sheet.remarks, f"The rows of {sheet.name} were {what} and were sorted by {clock.column}."),
     )
+
+
+_VELOCITY = ("north", "east", "down", "up", "speed", "course", "speed_sigma")
+"""What a table of velocities has for one of positions."""
+_MAX_APART = 3.0
+"""Longest interval of velocities between which one is interpolated, over the usual one."""
+_COVERED = 0.5
+"""Part of the positions that must have a velocity: tables of another clock have none in common."""
+
+
+def with_velocities(sheets: Sequence[Sheet]) -> list[Sheet]:
+    """Return sheets, that of the positions with the velocities of another one if it has none itself.
+
+    Courses are those of the nearest row, since they may be in any unit.
+    """
+    places = [one for one in sheets if one.all_of("latitude") and one.all_of("longitude")]
+    bare = [one for one in places if not any(one.all_of(name) for name in _VELOCITY)]
+    others = [one for one in sheets if one not in places and has_velocity({h.quantity for h in one.headings})]
+    if len(bare) != 1 or len(places) != 1 or len(others) != 1:
+        return list(sheets)
+    (place,), (other,) = bare, others
+    clock, theirs = clock_of(place, fast=False), None
+    if clock is not None and not (other.all_of("rate") or other.all_of("force")):
+        theirs = clock_of(other, fast=False, wanted=[one.text for one in place.headings])
+    if clock is None or theirs is None:
+        return list(sheets)
+    known = np.flatnonzero(np.isfinite(theirs.time))
+    rows = known[np.argsort(theirs.time[known], kind="stable")]
+    time = theirs.time[rows]
+    after = np.clip(np.searchsorted(time, clock.time), 1, max(time.size - 1, 1))
+    if time.size < _MIN_TRACK or np.isnan(clock.time).all():
+        return list(sheets)
+    step = np.diff(time)
+    near = (clock.time >= time[0]) & (clock.time <= time[-1])
+    near &= step[after - 1] <= _MAX_APART * float(np.median(step))
+    nearest = rows[after - (clock.time - time[after - 1] < time[after] - clock.time)]
+    headings, columns = list(place.headings), list(place.columns)
+    for heading, values in zip(other.headings, other.columns, strict=True):
+        if heading.quantity in _VELOCITY:
+            at = (
+                values[nearest] if heading.quantity == "course" else np.interp(clock.time, time, values[rows])
+            )
+            headings.append(heading)
+            columns.append(np.where(near, at, np.nan))
+    if near.mean() < _COVERED:
+        return list(sheets)
+    remark = f"The velocities of {other.name} are taken at the times of the positions of {place.name}."
+    joined = replace(
+        place, headings=tuple(headings), columns=tuple(columns), remarks=(*place.remarks, remark)
+    )
+    return [joined if one is place else one for one in sheets if one is not other]
+
+
+def has_velocity(quantities: AbstractSet[str]) -> bool:
+    """Return whether quantities are of a velocity over ground."""
+    return {"north", "east"} <= quantities or {"speed", "course"} <= quantities
 
 
 def _are_apart(time: FloatArray, falls: NDArray[np.bool_]) -> bool:

@@ -179,8 +179,8 @@ def codes_of_names(cells: Any) -> FloatArray:
 
 
 def _code_of(name: str) -> float:
-    if name.isascii() and name.isdigit():
-        return float(name)
+    if name.isascii() and name.isdigit() and (name[0] != "0" or name == "0"):
+        return float(name)  # 007 is another vehicle than 7
     data = name.encode()
     if len(data) <= _WHOLE_BYTES:
         return -float(int.from_bytes(data, "big"))

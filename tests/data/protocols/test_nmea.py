@@ -111,6 +111,25 @@ def test_a_fix_does_not_wait_for_the_next_one():
     )
 
 
+def test_the_sentence_of_u_blox_alone_is_a_flight(tmp_path):
+    """PUBX,00 has km/h, a velocity down, accuracies, and heights above the ellipsoid (UBX-13003221)."""
+    place = "PUBX,00,{:06d}.00,4717.{:05d},N,00833.91522,E,546.589,{}"
+    motion = ",2.1,3.4,36.000,90.00,-0.5,,0.9,1.2,0.8,9,0,0"
+    kinds = ["G3"] * 20 + ["NF", "TT", "DR"]
+    lines = [sentence(place.format(120000 + n, 11437 + n, kind) + motion) for n, kind in enumerate(kinds)]
+    (tmp_path / "drive.nmea").write_text("".join(lines))
+    flight = receiver_file.read_nmea([tmp_path / "drive.nmea"], {})
+    assert len(flight.time) == 21
+    assert list(flight.unmeasured[0].rows) == [False] * 20 + [True]
+    np.testing.assert_allclose(np.degrees(flight.latitude[0]), 47 + 17.11437 / 60, atol=1e-12)
+    np.testing.assert_allclose(flight.height, 546.589)
+    np.testing.assert_allclose(flight.velocity_n[:20], np.tile((0.0, 10.0, -0.5), (20, 1)), atol=1e-9)
+    assert any("above the ellipsoid" in remark for remark in flight.remarks)
+    fix = decoded(decoder_of("nmea"), "".join(lines).encode()).fix
+    np.testing.assert_allclose(fix["horizontal_sigma"][:20], 2.1)
+    np.testing.assert_allclose(fix["vertical_sigma"][:20], 3.4)
+
+
 def said(quality: str, status: str, mode: str, clock: str = "120000.00") -> str:
     """Return the sentences of a time of day in which a receiver says how it came to its position."""
     place = "4807.038,N,01131.000,E"

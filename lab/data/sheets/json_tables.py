@@ -1,0 +1,108 @@
+"""JSON tables: objects of JSON as tables, one for each kind: lines of gpsd, a recording of Sensor Logger.
+
+Objects stand one in a line, after each other or in lists, at any place of a document. A key such as
+``sensor`` or ``class`` names their kind. Of an object in an object, the keys are put together: ``values.x``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+_BEGIN = re.compile(rb"(?:\s|\[){0,20}\{\s*\"|[^\n{]{0,200}\t\{\s*\"")
+"""How such a text begins: OwnTracks writes the time and a tabulator before each object."""
+_KINDS = ("sensor", "class", "_type", "name", "type", "topic")
+"""Keys that name the kind of an object."""
+_PLACE = ("longitude", "latitude", "altitude")
+"""What a position in GeoJSON is (RFC 7946, 3.1.1)."""
+_DEEPEST = 4
+"""Objects in objects that are looked at: a batch of Sensor Logger has two."""
+_MAX_KINDS, _MAX_KEYS = 200, 1000
+"""Most kinds of objects, and keys of one kind: exports of phones have some twenty of each."""
+_MOST_BROKEN, _DEEP = 20, 10_000
+"""How often the text may be read in vain, and the characters that an object nested too deep counts for."""
+_NO_CELL = str.maketrans(dict.fromkeys(",;|\t\r\n\"'", " "))
+"""What ends a cell of a table."""
+
+
+def is_json(data: bytes) -> bool:
+    """Return whether a text begins as objects of JSON do."""
+    return _BEGIN.match(data) is not None
+
+
+def json_tables(data: bytes) -> list[tuple[str, bytes]]:
+    """Return kind and csv of the objects in a text, in the order in which the kinds appear.
+
+    Parameters
+    ----------
+    data
+        The text, in UTF-8. What is no JSON ends the line, or the list in which it stands.
+    """
+    keys: dict[str, dict[str, None]] = {}
+    rows: dict[str, list[str]] = {}
+    for one in _objects(data.decode("utf-8", "replace")):
+        for kind, row in _rows(one, "", _DEEPEST):
+            if kind not in rows and len(rows) == _MAX_KINDS:
+                continue
+            known = keys.setdefault(kind, {})
+            known.update(dict.fromkeys(list(row)[: _MAX_KEYS - len(known)]))
+            rows.setdefault(kind, []).append(",".join(row.get(key, "") for key in known))
+    made = []
+    for kind, lines in rows.items():
+        width = len(keys[kind]) - 1
+        padded = (line + "," * (width - line.count(",")) for line in lines)
+        made.append((kind, "\n".join((",".join(keys[kind]), *padded, "")).encode()))
+    return made
+
+
+def _objects(text: str) -> Iterator[dict[str, Any]]:
+    """Iterate over the objects in a text that stand in no other one."""
+    decoder = json.JSONDecoder()
+    at, left = text.find("{"), _MOST_BROKEN * len(text) + _DEEP
+    while at >= 0 and left > 0:
+        try:
+            one, end = decoder.raw_decode(text, at)
+            yield one
+        except (ValueError, RecursionError) as error:
+            left -= getattr(error, "pos", at + _DEEP) - at
+            end = text.find("\n", at)
+            if end < 0:
+                return
+        at = text.find("{", end)
+
+
+def _rows(one: dict[str, Any], name: str, depth: int) -> Iterator[tuple[str, dict[str, str]]]:
+    """Iterate over kind and cells of the objects in an object, and of itself."""
+    cells = _cells(one, "", depth)
+    kind = next((str(one[key]) for key in _KINDS if isinstance(one.get(key), str) and one[key]), name)
+    for key, value in one.items():
+        if not isinstance(value, list) or not value or depth < 1:
+            continue
+        if isinstance(value[0], dict):
+            for inner in value:
+                if isinstance(inner, dict):
+                    yield from _rows(inner, key, depth - 1)
+    if cells:
+        yield kind, cells
+
+
+def _cells(one: dict[str, Any], before: str, depth: int) -> dict[str, str]:
+    """Return the cells of an object by key; of a list of two or three numbers, as GeoJSON has, the place."""
+    found: dict[str, str] = {}
+    for key, value in one.items():
+        name = f"{before}{key}".translate(_NO_CELL)
+        if isinstance(value, dict) and depth:
+            found |= _cells(value, f"{name}.", depth - 1)
+        elif key == "coordinates" and isinstance(value, list):
+            found |= {part: _cell(number) for part, number in zip(_PLACE, value, strict=False)}
+        elif value is not None and not isinstance(value, dict | list):
+            found[name] = _cell(value)
+    return found
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    return str(value).translate(_NO_CELL) if isinstance(value, str | int | float) else ""
