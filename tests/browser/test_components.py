@@ -5,10 +5,15 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import ERRORS, IDLE, eventually, reset, show, wait_for
+from tests.browser.conftest import ERRORS, IDLE, eventually, remember, reset, show, wait_for
 
 pytestmark = pytest.mark.browser
 
+BOXES = """[...Bokeh.documents[0]._all_models.values()]
+  .filter(({data}) => data?.attributes?.value_input)
+  .map(({id, data}) => [Bokeh.index.find_one_by_id(id)?.shadow_el?.querySelector("input"), data])
+  .filter(([input]) => input?.checkVisibility())"""
+"""Boxes of text that one sees, each with its data."""
 TOLD_TWICE = """
 async () => {
   const page = Bokeh.documents[0], pause = () => new Promise((done) => setTimeout(done, 50));
@@ -18,10 +23,7 @@ async () => {
     set.call(this, value);
   }};
   const kept = [];
-  const all = [...page._all_models.values()];
-  for (const {id, data} of all.filter((one) => one.data?.attributes?.value_input)) {
-    const input = Bokeh.index.find_one_by_id(id)?.shadow_el?.querySelector("input");
-    if (!input?.checkVisibility()) { continue; }
+  for (const [input, data] of window.boxes) {
     const before = data.value, tell = (value) => page.apply_json_patch({events: ["value", "value_input"].map(
       (attr) => ({kind: "ModelChanged", model: {id: data.id}, attr, new: value}))});
     Object.defineProperty(input, "defaultValue", slowly);
@@ -48,8 +50,9 @@ async () => {
 def test_a_text_that_the_server_replaced_is_not_sent_back(shared_page: Page) -> None:
     """It undid later steps of the slider to which the box belongs, where the browser was slow."""
     page = shared_page
+    wait_for(page, f"{BOXES}.length >= 10")  # a box is drawn some time after the server has sent it
+    remember(page, "boxes", BOXES)
     kept = page.evaluate(TOLD_TWICE)
-    assert len(kept) >= 10
     assert kept == ["second"] * len(kept)
     wait_for(page, IDLE)
     assert page.evaluate("location.search") == ERRORS
