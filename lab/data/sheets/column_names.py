@@ -38,6 +38,7 @@ SCALARS = {
     "latitude": "angle", "longitude": "angle", "height": "length", "speed": "speed", "course": "angle",
     "north": "speed", "east": "speed", "down": "speed", "up": "speed", "place": "angle", "side": "",
     "instance": "", "craft": "",
+    "north_sigma": "length", "east_sigma": "length",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
     "pressure": "pressure",
     "roll": "angle", "pitch": "angle", "yaw": "angle", "q0": "", "q1": "", "q2": "", "q3": "",
@@ -195,11 +196,8 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     if axis and joined in _INDEXED:
         quantity = _INDEXED[joined]["xyz".index(axis)]
         return Heading(text, quantity, unit=unit_of(SCALARS[quantity], unit), rank=rank)
-    if not axis and len(given & set(_ABOUT)) == 1 and given & {"rate", *SENSORS["gyro"]}:
-        axis = _ABOUT[next(iter(given & set(_ABOUT)))]
-        return Heading(
-            text, "rate", axis, "roll, pitch and yaw rate", unit_of("angular rate", unit), rank + 1
-        )
+    if not axis and (found := _about_an_axis(text, given, unit, rank)):
+        return found
     if axis:
         return _vector(text, axis, unit, words, file, rank)
     if joined in NAMES:
@@ -365,6 +363,29 @@ def _sensor_of(given: set[str], joined: str) -> str:
 
 _ABOUT = {"roll": "x", "pitch": "y", "yaw": "z"}
 """Axes of angular rates that are named by their angle."""
+
+
+def _about_an_axis(text: str, given: set[str], unit: str, rank: int) -> Heading | None:
+    """Return a rate that is named by its angle, or an acceleration by its direction; None for others."""
+    if len(given & set(_ABOUT)) == 1 and given & {"rate", *SENSORS["gyro"]}:
+        axis = _ABOUT[next(iter(given & set(_ABOUT)))]
+        known = unit_of("angular rate", unit)
+        return Heading(text, "rate", axis, "roll, pitch and yaw rate", known, rank + 1)
+    towards, sensed = given & set(_TOWARDS), given & SENSORS["accelerometer"]
+    known = unit_of("acceleration", unit)
+    # An accuracy has a length for its unit; a receiver's velocities make accelerations without gravity.
+    if len(towards) != 1 or len(sensed) != 1 or given != towards | sensed or (unit and not known):
+        return None
+    axis = _TOWARDS[next(iter(towards))]
+    return (
+        Heading(text, "force", axis, "along the vehicle", known, rank + 1) if known or axis != "z" else None
+    )
+
+
+_TOWARDS = {
+    "inline": "x", "longitudinal": "x", "long": "x", "lateral": "y", "lat": "y", "vertical": "z", "vert": "z",
+}  # fmt: skip
+"""Axes of accelerations that data loggers of cars name by their direction."""
 _INDEXED = {
     "lla": ("latitude", "longitude", "height"),
     "gpscoord": ("latitude", "longitude", "height"),
@@ -396,7 +417,8 @@ def _stamp(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | N
         unit = {"millis": "ms", "micros": "us"}.get(joined, last if last not in {"h", "min"} else "")
     # A receiver's own time differs from the logger's clock, by leap seconds at least.
     worse = 3 * bool(given & (SENSORS["receiver"] | {"utc", "gmt"})) + bool(given & {"elapsed", "seconds"})
-    device = -1 if "device" in given else 0
+    # A message of ROS has the time of the measurement in its header; the recorder adds that of its arrival.
+    device = -1 if given & {"device", "header"} else 0
     return Heading(text, "time", unit=unit_of("time", unit) if unit else "", rank=2 + worse + rank + device)
 
 
@@ -429,6 +451,8 @@ def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | 
         if set(words) & reversed_.get(quantity, set()):
             return Heading(text, quantity, unit=known, rank=rank, sign=-1)
         others = ("acceleration", "speed" if quantity != "speed" else "length")
+        if quantity.endswith("_sigma"):
+            others = ("acceleration", "angle", "speed" if SCALARS[quantity] != "speed" else "length")
         if unit and not known and any(unit_of(other, unit) for other in others):
             return None
         return Heading(text, quantity, unit=known, rank=rank)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 _BEGIN = re.compile(rb"(?:\s|\[){0,20}\{\s*\"|[^\n{]{0,200}\t\{\s*\"")
@@ -19,6 +19,8 @@ _PLACE = ("longitude", "latitude", "altitude")
 """What a position in GeoJSON is (RFC 7946, 3.1.1)."""
 _DEEPEST = 4
 """Objects in objects that are looked at: a batch of Sensor Logger has two."""
+_MOST_BYTES = 4
+"""Most bytes of tables over those of the text."""
 _MAX_KINDS, _MAX_KEYS = 200, 1000
 """Most kinds of objects, and keys of one kind: exports of phones have some twenty of each."""
 _MOST_BROKEN, _DEEP = 20, 10_000
@@ -40,20 +42,35 @@ def json_tables(data: bytes) -> list[tuple[str, bytes]]:
     data
         The text, in UTF-8. What is no JSON ends the line, or the list in which it stands.
     """
-    keys: dict[str, dict[str, None]] = {}
-    rows: dict[str, list[str]] = {}
-    for one in _objects(data.decode("utf-8", "replace")):
-        for kind, row in _rows(one, "", _DEEPEST):
-            if kind not in rows and len(rows) == _MAX_KINDS:
-                continue
-            known = keys.setdefault(kind, {})
-            known.update(dict.fromkeys(list(row)[: _MAX_KEYS - len(known)]))
-            rows.setdefault(kind, []).append(",".join(row.get(key, "") for key in known))
+    text = data.decode("utf-8", "replace")
+    return tables_of((pair for one in _objects(text) for pair in _rows(one, "", _DEEPEST)), len(text))
+
+
+def tables_of(rows: Iterable[tuple[str, dict[str, str]]], size: int) -> list[tuple[str, bytes]]:
+    """Return kind and csv of rows, whose cells are named; those at the end of a row may be left out.
+
+    Parameters
+    ----------
+    rows
+        The kind of each, and its cells by name.
+    size
+        Bytes of the text that they are from: rows that need many times of that are left out.
+    """
+    names: dict[str, dict[str, None]] = {}
+    lines: dict[str, list[str]] = {}
+    left = _MOST_BYTES * size + _DEEP
+    for kind, row in rows:
+        if left < 0 or (kind not in lines and len(lines) == _MAX_KINDS):
+            continue
+        known = names.setdefault(kind, {})
+        cells = {name.translate(_NO_CELL): cell.translate(_NO_CELL) for name, cell in row.items()}
+        known.update(dict.fromkeys(list(cells)[: max(_MAX_KEYS - len(known), 0)]))
+        lines.setdefault(kind, []).append(",".join(cells.get(name, "") for name in known).rstrip(","))
+        left -= len(lines[kind][-1])
     made = []
-    for kind, lines in rows.items():
-        width = len(keys[kind]) - 1
-        padded = (line + "," * (width - line.count(",")) for line in lines)
-        made.append((kind, "\n".join((",".join(keys[kind]), *padded, "")).encode()))
+    for kind, (first, *others) in lines.items():
+        whole = first + "," * (len(names[kind]) - 1 - first.count(","))  # shows how many cells a row has
+        made.append((kind, "\n".join((",".join(names[kind]), whole, *others, "")).encode()))
     return made
 
 
@@ -89,10 +106,10 @@ def _rows(one: dict[str, Any], name: str, depth: int) -> Iterator[tuple[str, dic
 
 
 def _cells(one: dict[str, Any], before: str, depth: int) -> dict[str, str]:
-    """Return the cells of an object by key; of a list of two or three numbers, as GeoJSON has, the place."""
+    """Return the cells of an object by key; those of the coordinates of GeoJSON are a place."""
     found: dict[str, str] = {}
     for key, value in one.items():
-        name = f"{before}{key}".translate(_NO_CELL)
+        name = f"{before}{key}"
         if isinstance(value, dict) and depth:
             found |= _cells(value, f"{name}.", depth - 1)
         elif key == "coordinates" and isinstance(value, list):
@@ -105,4 +122,4 @@ def _cells(one: dict[str, Any], before: str, depth: int) -> dict[str, str]:
 def _cell(value: Any) -> str:
     if isinstance(value, bool):
         return str(int(value))
-    return str(value).translate(_NO_CELL) if isinstance(value, str | int | float) else ""
+    return str(value) if isinstance(value, str | int | float) else ""

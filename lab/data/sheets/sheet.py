@@ -21,7 +21,7 @@ from lab.base.files.mission_error import MissionError
 from lab.data.clock.stamps import is_date_in_digits, seconds_of_texts
 from lab.data.files.profile import Profile
 from lab.data.files.unit_names import unit_of
-from lab.data.sheets.column_names import Heading
+from lab.data.sheets.column_names import Heading, heading_of
 from lab.data.sheets.sheet_cells import (
     Rows,
     angles_of_cells,
@@ -174,7 +174,7 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
         rows, start = rows_of(data[start:], line, layout.delimiter, fewest, most), 0
         data, rows = rows.data, rows._replace(data=b"")
     layout = replace(layout, known=tuple(
-        known if units.get(place, "-") else None for place, known in enumerate(layout.known)
+        _in_unit(known, units.get(place, "")) for place, known in enumerate(layout.known)
     ))  # fmt: skip
     places = [place for place, known in enumerate(layout.known) if known is not None]
     headings = [replace(known, unit=known.unit or units.get(place, "")) for place in places
@@ -205,6 +205,14 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
         profile=layout.profile,
         rows=rows,
     )
+
+
+def _in_unit(known: Heading | None, unit: str) -> Heading | None:
+    """Return what a column is by its heading and the unit below it; None if they contradict each other."""
+    if known is None or not unit or unit_of(known.kind, unit):
+        return known
+    found = heading_of(f"{known.text} [{unit}]")
+    return found and replace(found, text=known.text)
 
 
 _LEADING_ZERO = re.compile(rb"(?m)(?:^|[,;\t| \"])0\d")

@@ -24,6 +24,8 @@ _SIGMA_OF_RADIUS = 1.515
 sqrt(-2 ln 0.32)."""
 _SIGMAS = {
     "horizontal_sigma": ("length", slice(0, 2), "the horizontal position", _SIGMA_OF_RADIUS),
+    "north_sigma": ("length", slice(0, 1), "the position north", 1.0),
+    "east_sigma": ("length", slice(1, 2), "the position east", 1.0),
     "vertical_sigma": ("length", slice(2, 3), "the height", 1.0),
     "speed_sigma": ("speed", slice(3, 6), "the velocity", 1.0),
 }

@@ -53,6 +53,8 @@ _MIN_KNOWN = 0.5
 _MIN_FORWARD = 0.5
 """Smallest part of the steps that do not go backwards in a column that is time."""
 
+_ANOTHER_CLOCK = 0.01
+"""Difference of stamps, over their size, from which they are of two clocks: 200 days since 1970."""
 _HOUR, _MINUTE = 3600.0, 60.0
 """[s]."""
 _MILLISECONDS = 1000
@@ -148,6 +150,8 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
             continue
         if ordered and (np.diff(values[known]) >= 0).mean() < _MIN_FORWARD:
             continue
+        if "header" in heading.text.lower() and _is_of_another_clock(values, candidates):
+            continue
         if heading.text in sheet.texts:
             return _of_text(sheet, heading, values)
         if (of_day := seconds_of_digits(values)) is not None:
@@ -159,6 +163,12 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
         clock = Clock(time, heading.text, unit, not heading.unit)
         return _leaping(clock, False) if np.median(time[known]) > SINCE_1970 else clock
     return parts
+
+
+def _is_of_another_clock(stamps: FloatArray, others: Sequence[tuple[Heading, FloatArray]]) -> bool:
+    """Return whether stamps count from another moment than others, such as the start of a device."""
+    size = float(np.nanmedian(stamps))
+    return any(abs(size - float(np.nanmedian(one))) > _ANOTHER_CLOCK * size for _, one in others)
 
 
 def _of_parts(sheet: Sheet) -> tuple[Clock | None, list[Heading]]:

@@ -280,7 +280,7 @@ def _with_units_above(line: bytes, layout: Layout) -> Layout:
 def units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
     """Return units by column if the first row that is not empty holds them, and where the rows begin.
 
-    The unit is empty for what its heading does not say: VerticalAcc in g is no accuracy of the height.
+    The unit may be an acceleration for what a heading does not say: VerticalAcc in g is no accuracy.
     """
     if (first := _SAYS.search(data)) is None:
         return {}, 0
@@ -293,9 +293,11 @@ def units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
         if known is None or not cells[place] or not known.kind:
             continue
         unit = unit_of(known.kind, cells[place])
-        if unit or (known.quantity in SCALARS and unit_of("acceleration", cells[place])):
+        if not unit and known.quantity in SCALARS:
+            unit = unit_of("acceleration", cells[place])
+        if unit:
             units[place] = unit
-    return (units, start) if any(units.values()) and end >= 0 else ({}, 0)
+    return (units, start) if units and end >= 0 else ({}, 0)
 
 
 def ended(headings: Sequence[str]) -> int:

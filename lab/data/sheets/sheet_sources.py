@@ -2,11 +2,13 @@
 
 A VBO file of Racelogic names its columns in one section and their units in another; latitude and longitude
 are minutes, and west is positive. KITTI has a file of thirty numbers without a header for each sample.
-FlySight 2 begins each row with the sensor that it is of.
+FlySight 2 begins each row with the sensor that it is of. Garmin's FitCSVTool writes name, value and unit of
+each field of a FIT file into three cells.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.parameters.units import DAY, LEAP_SECONDS
-from lab.data.sheets.gnss_logger import is_gnss_logger, tables_of
+from lab.data.sheets import gnss_logger
+from lab.data.sheets.json_tables import tables_of
 
 _VBO = b"[column names]"
 _VBO_UNITS = {
@@ -57,8 +60,10 @@ def as_table(data: bytes) -> bytes:
     """Return the text of a file as a csv with a header; any other text as it is."""
     if data.startswith(b"$FLYS"):
         return _of_flysight(data)
-    if is_gnss_logger(data):
-        return tables_of(data)
+    if gnss_logger.is_gnss_logger(data):
+        return gnss_logger.tables_of(data)
+    if _FIT_CSV.match(data):
+        return _of_fit_csv(data)
     place = data[: 2**16].lower().find(_VBO)
     return data if place < 0 else _of_vbo(data, place)
 
@@ -92,6 +97,23 @@ def _of_flysight(data: bytes) -> bytes:
         begun = [(float(found[0]), row[found.end() :]) for row in rows if (found := _BEGIN.match(row))]
         rows = [f"{clock[1] + time * (1 + clock[0]):.4f}{rest}" for time, rest in begun]
     return "\n".join((",".join(head), *rows, "")).encode()
+
+
+_FIT_CSV = re.compile(rb"\"?Type\"?,\"?Local Number\"?,\"?Message\"?,\"?Field 1\"?,")
+"""How a csv of Garmin's FitCSVTool begins."""
+_MAX_FIT_LINE = 65_536
+"""Characters of its lines that are read: a record has some 2,000."""
+
+
+def _of_fit_csv(data: bytes) -> bytes:
+    """Return the records of a csv of FitCSVTool as a table."""
+    rows = []
+    for line in data.decode("utf-8", "replace").splitlines():
+        kind, _, message, *cells = next(csv.reader([line[:_MAX_FIT_LINE].replace("\0", "")]), []) + [""] * 3
+        if kind == "Data" and message == "record":
+            triples = zip(cells[::3], cells[1::3], cells[2::3], strict=False)
+            rows.append((message, {f"{name}[{unit}]": value for name, value, unit in triples if name}))
+    return next((table for _, table in tables_of(rows, len(data))), b"")
 
 
 def _utc_of_clock(lines: Sequence[str]) -> tuple[float, float] | None:

@@ -122,6 +122,12 @@ def test_objects_that_are_never_closed_cost_no_time():
     assert json_tables(text) == []
 
 
+def test_keys_of_few_objects_do_not_widen_the_others_without_bound():
+    wide = json.dumps({f"k{i}": i for i in range(1000)})
+    text = (wide + '{"k999":1}' * 50_000).encode()
+    assert sum(len(table) for _, table in json_tables(text)) < 5 * len(text)
+
+
 LONG = {
     "words": ("time,sensor,x,y,z", lambda t, name, v: (t, name, *v), ("gyroscope", "accelerometer")),
     "values": (
@@ -250,3 +256,19 @@ def test_short_names_of_trackers(tmp_path, made, header, rows):
     is_track(flight, made)
     if "spd" in header or "speed" in header:
         np.testing.assert_allclose(flight.velocity_n[:, 0], gnss[:, 4], atol=1e-5)
+
+
+def test_a_csv_of_fit_has_name_value_and_unit_in_three_cells(tmp_path, made):
+    """FitCSVTool of the FIT SDK: positions in semicircles, values in quotes."""
+    lines = ["Type,Local Number,Message,Field 1,Value 1,Units 1,Field 2,Value 2,Units 2,",
+             "Definition,0,record,timestamp,1,,position_lat,1,,position_long,1,,enhanced_altitude,1,,",
+             'Data,3,event,timestamp,"1000000000",s,event,"0",,']  # fmt: skip
+    for g in made[1]:
+        degrees = 2**31 / 180
+        lines.append(
+            f'Data,0,record,timestamp,"{g[0]}",s,position_lat,"{round(g[1] * degrees)}",semicircles,'
+            f'position_long,"{round(g[2] * degrees)}",semicircles,enhanced_altitude,"{g[3]}",m,'
+        )
+    path = tmp_path / "activity.csv"
+    path.write_text("\n".join([*lines, 'Data,0,record,"cut', "Data", '"a,b,c"', ""]))
+    is_track(read_raw(path), made)

@@ -1,0 +1,75 @@
+"""Time stamps, accuracies and accelerations that headings name, of messages of ROS and of loggers of cars."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from foreign_tables import UNIX, table, track
+from sensor_logs import tables
+
+from lab.base.parameters.units import STANDARD_GRAVITY
+from lab.data.formats import read_raw
+from lab.data.sheets.column_names import heading_of
+from lab.missions.flight_import import read_log
+
+
+def nanoseconds(seconds):
+    return f"{round(1e9 * seconds)}"
+
+
+@pytest.mark.parametrize(("since", "used"), [(UNIX, "field.header.stamp"), (0.0, "time")])
+def test_the_stamp_in_the_header_of_a_message_is_that_of_the_measurement(tmp_path, since, used):
+    """Unless it counts from another moment than the recorder, as of a sensor that was just switched on."""
+    gnss = tables(30, 60).gnss
+    late = np.random.default_rng(1).uniform(0.05, 0.3, len(gnss))
+    rows = [
+        (nanoseconds(UNIX + t + delay), i, nanoseconds(since + t), *place)
+        for i, (t, delay, place) in enumerate(zip(gnss[:, 0], late, gnss[:, 1:4], strict=True))
+    ]
+    header = "%time,field.header.seq,field.header.stamp,field.latitude,field.longitude,field.altitude"
+    flight = read_raw(table(tmp_path / "fix.csv", header, rows))
+    assert any(remark.startswith(f"Time of the GPS: {used}, in ns") for remark in flight.remarks)
+    expected = gnss[:, 0] + (UNIX if used != "time" else UNIX + late)
+    np.testing.assert_allclose(flight.time, expected, atol=1e-6)
+
+
+def test_accelerations_may_be_named_by_their_direction_and_their_unit_stand_below(tmp_path):
+    """A vertical acceleration in g is no vertical accuracy."""
+    made = tables(30, 90)
+    imu, gnss = made.imu, made.gnss
+    header = "Time,InlineAcc,LateralAcc,VerticalAcc,gyro_x,gyro_y,gyro_z\ns,g,g,g,deg/s,deg/s,deg/s"
+    force = imu[:, 4:] * (1, -1, -1) / STANDARD_GRAVITY  # forward, left, up
+    rate = np.degrees(imu[:, 1:4]) * (1, -1, -1)
+    sensed = table(tmp_path / "car.csv", header, np.column_stack((imu[:, 0], force, rate)))
+    fixes = table(tmp_path / "gps.csv", "Time,lat,lon,alt,vn,ve", gnss[:, :6])
+    log = read_log([sensed, fixes])
+    np.testing.assert_allclose(log.rates[1][-1], imu[-1, 4:], atol=1e-4)
+    assert any("InlineAcc, LateralAcc, VerticalAcc" in remark for remark in log.repairs)
+
+
+@pytest.mark.parametrize(
+    ("text", "quantity", "axis"),
+    [
+        ("LateralAcc", "force", "y"), ("Long Accel [g]", "force", "x"),
+        ("vertical acceleration (m/s²)", "force", "z"), ("VerticalAcc", "vertical_sigma", ""),
+        ("sdn(m)", "north_sigma", ""), ("StdDev Lon", "east_sigma", ""),
+        ("sdu(m)", "vertical_sigma", ""), ("lat", "latitude", ""), ("gps_longitude", "longitude", ""),
+    ],
+)  # fmt: skip
+def test_what_a_heading_names(text, quantity, axis):
+    found = heading_of(text)
+    assert (found.quantity, found.axis) == (quantity, axis)
+
+
+@pytest.mark.parametrize("text", ["GPS LatAcc", "lat_std (deg)", "sdne(m)", "stdev", "latAcc(m)"])
+def test_what_a_heading_does_not_name(text):
+    assert heading_of(text) is None
+
+
+def test_the_sigmas_of_rtklib_are_those_of_each_axis(tmp_path):
+    made = tables(30, 90)
+    rows = [(*row[:4], 0.25, 0.5, 0.75) for row in track(made[:2])]
+    header = "time,latitude(deg),longitude(deg),height(m),sdn(m),sde(m),sdu(m)"
+    imu = table(tmp_path / "imu.csv", "time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z", made.imu)
+    log = read_log([imu, table(tmp_path / "rover.csv", header, rows)])
+    np.testing.assert_allclose(log.gnss.position_sigma, np.tile((0.25, 0.5, 0.75), (len(rows), 1)))
