@@ -11,8 +11,8 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-_BEGIN = re.compile(rb"(?:\s|\[){0,20}\{\s*\"|[^\n{]{0,200}\t\{\s*\"")
-"""How such a text begins: OwnTracks writes the time and a tabulator before each object."""
+_BEGIN = re.compile(rb"(?:[#/][^\n]*\n|\s){0,20}(?:\[\s{0,20})?(?:\{\s*\"|[^\n{]{0,200}\t\{\s*\")")
+"""How such a text begins, below remarks: OwnTracks writes the time and a tabulator before each object."""
 _KINDS = ("sensor", "class", "_type", "name", "type", "topic")
 """Keys that name the kind of an object."""
 _PLACE = ("longitude", "latitude", "altitude")

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -31,7 +32,7 @@ from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
 from lab.data.log.vehicle import vehicle_of
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
-from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES
+from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES, Heading
 from lab.data.sheets.json_tables import is_json, json_tables
 from lab.data.sheets.long_table import is_long, long_tables
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
@@ -131,20 +132,45 @@ def _names_enough(text: bytes, name: str) -> bool:
 
 def missing_time_reason(head: bytes) -> str:
     """Return advice for a table that names positions or sensors, and no time; else an empty text."""
+    names = {one.quantity for one in _known_in(head)}
+    if names & _STAMPS or not _has_samples(names):
+        return ""
+    return (
+        f"{_listed(head)}, and none of its headings names a time: --column HEADING=time[s] says "
+        "which one is the time."
+    )
+
+
+def what_is_missing(head: bytes) -> str:
+    """Return what a table lacks whose headings name some quantities; else an empty text."""
+    names = {one.quantity for one in _known_in(head)} - _STAMPS
+    if not names or _has_samples(names):
+        return missing_time_reason(head)
+    return (
+        f"{_listed(head)}, and none of its headings names a position, a gyro or an accelerometer: --column "
+        "HEADING=QUANTITY[UNIT] says what a column is."
+    )
+
+
+def _known_in(head: bytes) -> list[Heading]:
+    """Return what the headings of a table name, but for vehicles."""
     try:
         layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
     except MissionError:
-        return ""
-    every = () if layout is None else layout.known
-    known = [one for one in every if one is not None and one.quantity != "craft"]
-    names = {one.quantity for one in known}
-    if names & _STAMPS or not (set(_POSITION) <= names or names & {"rate", "force"}):
-        return ""
-    texts = ", ".join(dict.fromkeys(one.text for one in known))[:_MAX_REPORT]
-    return (
-        f"It is a table with {texts}, and none of its headings names a time: --column HEADING=time[s] says "
-        "which one is the time."
-    )
+        return []
+    known = () if layout is None else [one for one in layout.known if one is not None]
+    is_prose = layout is not None and layout.delimiter == " " and len(known) < _MIN_QUANTITIES
+    return [] if is_prose else [one for one in known if one.quantity != "craft"]
+
+
+def _has_samples(names: AbstractSet[str]) -> bool:
+    """Return whether quantities are of positions or of an IMU."""
+    return set(_POSITION) <= names or bool(names & {"rate", "force"})
+
+
+def _listed(head: bytes) -> str:
+    texts = ", ".join(dict.fromkeys(one.text for one in _known_in(head)))[:_MAX_REPORT]
+    return f"It is a table with {texts}"
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

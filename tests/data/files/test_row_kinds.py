@@ -101,6 +101,7 @@ DAMAGED = {
     "a line of noise": lambda text: text.replace("\n", '\n{"class": "TPV", "lat": [[[\n', 3),
     "nested": lambda text: text.replace("\n", f"\n{NESTED}\n", 2),
     "nulls": lambda text: text.replace('"speed"', '"speed": null, "spede"'),
+    "remarks before": lambda text: f"# recorded by x\n// 2026\n{text}",
     "mixed ends of lines": lambda text: text.replace("\n", "\r\n", 40),
     "keys with commas": lambda text: text.replace('"mode"', '"a,b;\\n\\"c\\t"'),
 }
@@ -223,9 +224,25 @@ def test_vehicles_whose_names_differ_by_zeros_are_two(tmp_path, made):
     assert any("007" in remark and "not 7" in remark for remark in flight.remarks)
 
 
+DAMAGED_TABLES = {
+    "a line ends as on an old Macintosh": lambda text: text.replace("\n", "\r", 1),
+    "a quote without a second": lambda text: text[:300] + '"' + text[300:],
+    "all lines end so": lambda text: text.replace("\n", "\r"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGED_TABLES)
+def test_a_damaged_end_or_quote_costs_a_row_at_most(tmp_path, made, damage):
+    _, gnss = made
+    path = table(tmp_path / "gps.csv", "time,latitude,longitude,altitude", gnss[:, :4])
+    path.write_bytes(DAMAGED_TABLES[damage](path.read_text()).encode())
+    assert len(read_raw(path).time) >= len(gnss) - 1
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
+        ("time,Roll,Pitch\n1,2.5,3\n2,2.5,3\n", "none of its headings names a position, a gyro or an acc"),
         ("Ville,Latitude,Longitude\nRouen,49.4,1.09\nParis,48.8,2.35\n", "none of its headings names a time"),
         ("4.7e+01,8.5e+00,5.3e+02\n4.7e+01,8.5e+00,5.3e+02\n", "headings do not say what its columns are"),
     ],
