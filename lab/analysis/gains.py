@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNELS, WIND
 from lab.analysis.errors import output_map
@@ -20,13 +21,20 @@ from lab.analysis.fix_causes import hold_heading
 from lab.analysis.transition import NAV
 from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef
+from lab.motion.frames.rotation import left_jacobian
 from lab.navigation.aids import AIRSPEED, SENSORS
 from lab.navigation.filters import blocks
-from lab.navigation.filters.error_models import ATT, POS, VEL
+from lab.navigation.filters.error_models import ATT, MODELS, POS, VEL
 from lab.run.run import Run
 
 INTERVAL = 1.0
 """Longest time between two epochs of a budget [s]."""
+ROUNDS = 20
+"""Most rounds in which a correction is found from the covariance after it; 3 are usual."""
+SETTLED = 1e-9
+"""Error of such a correction that is none [rad]."""
+STEP = 1e-6
+"""Step of the numerical derivative by such a correction [rad]."""
 _TOGETHER = 32
 """Epochs whose uses are computed together: with 52 states, their matrices take 3 MB."""
 
@@ -175,19 +183,77 @@ def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: Fl
     back = np.tile(np.eye(solution.states), (fixes.size, 1, 1))
     back[:, :NAV, :NAV] = np.linalg.inv(maps)
     P = back @ solution.fix_covariance[fixes] @ back.mT
+    innovation = np.nan_to_num(solution.innovation[fixes])[..., None]
+    weighted = H.mT @ np.linalg.inv(solution.fix_R[fixes])
+    vertical, held = C_fe.mT[:, :, 2], solution.fix_held[fixes]
+    in_body = MODELS[run.experiment.navigator.model].in_body and is_corrected(run)
+    if in_body:
+        about = vertical * held.any(axis=1)[:, None]
+        P = _before_turns(P, weighted @ innovation, about, _turns_near(run, fixes))
     # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b), except along what was held.
-    K = P @ H.mT @ np.linalg.inv(solution.fix_R[fixes])
-    hold_heading(K, np.arange(fixes.size), C_fe.mT[:, :, 2], solution.fix_held[fixes])
+    K = P @ weighted
+    hold_heading(K, np.arange(fixes.size), vertical, held)
+    turn = is_corrected(run) * (K[:, ATT] @ innovation)[..., 0]
+    if in_body:  # the correction is the group's exponential
+        bent = np.stack([left_jacobian(one) for one in turn]) if fixes.size else np.zeros((0, 3, 3))
+        K[:, POS], K[:, VEL] = bent @ K[:, POS], bent @ K[:, VEL]
     # Errors of a fix are along north, east and down of the true place.
     turned = C_fe @ ecef.axes(*place.T)
     none = np.zeros_like(turned)
     position, velocity = np.concatenate((turned, none), axis=1), np.concatenate((none, turned), axis=1)
-    corrections = np.einsum("mij,mj->mi", K[:, ATT], np.nan_to_num(solution.innovation[fixes]))
-    turn = is_corrected(run) * corrections
     return [
         Update(H[k], K[k], {GPS_POSITION: position[k], GPS_VELOCITY: velocity[k]}, turn[k])
         for k in range(fixes.size)
     ]
+
+
+def _turns_near(run: Run, fixes: NDArray[np.int64]) -> FloatArray:
+    """Return by how much the attitude changed in e at fixes (m, 3), less what the gyros measured [rad]."""
+    solution, sample = run.solution_arrays, run.solution_arrays.fix_sample[fixes]
+    after, before = (
+        Rotation.from_quat(solution.q_nb[at], scalar_first=True) for at in (sample, np.maximum(sample - 1, 0))
+    )
+    measured = Rotation.from_rotvec(run.gyro.increments[np.maximum(sample - 1, 0)])
+    turn = (after * (before * measured).inv()).as_rotvec()
+    return np.asarray(np.einsum("mij,mj->mi", ecef.axes(*solution.position[sample, :2].T), turn))
+
+
+def _before_turns(P: FloatArray, pull: FloatArray, held: FloatArray, turn: FloatArray) -> FloatArray:
+    """Return covariances (m, n, n), given after corrections of a filter in the body frame, along axes before.
+
+    A correction turns the body, and with it the errors that the filter has along its axes. With a heading
+    that is uncertain by a radian, one degree decides what tilts and heading have in common.
+
+    Parameters
+    ----------
+    P : (m, n, n) array
+        Covariances along the axes after the corrections.
+    pull : (m, n, 1) array
+        Hᵀ R⁻¹ times the innovation.
+    held : (m, 3) array
+        The direction about which a correction left the attitude as it was; zero for none.
+    turn : (m, 3) array
+        The corrections of the attitude, nearly.
+    """
+
+    def axes_before(turn: FloatArray) -> FloatArray:
+        back = np.tile(np.eye(P.shape[1]), (len(P), 1, 1))
+        back[:, POS, POS] = back[:, VEL, VEL] = back[:, ATT, ATT] = Rotation.from_rotvec(-turn).as_matrix()
+        return back
+
+    def missing(turn: FloatArray) -> FloatArray:
+        back = axes_before(turn)
+        found = (back @ (P @ (back.mT @ pull)))[:, ATT, 0]
+        return np.asarray(found - held * np.sum(held * found, axis=1, keepdims=True) - turn)
+
+    for _ in range(ROUNDS):  # of Newton's method
+        left = missing(turn)
+        if np.abs(left).max(initial=0.0) < SETTLED:
+            break
+        slopes = [(missing(turn + STEP * axis) - left) / STEP for axis in np.eye(3)]
+        turn = turn - np.linalg.solve(np.stack(slopes, axis=-1), left[..., None])[..., 0]
+    back = axes_before(turn)
+    return np.asarray(back @ P @ back.mT)
 
 
 def _aid_update(run: Run, aid: int, here: FloatArray) -> Update:
