@@ -10,12 +10,11 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
@@ -23,6 +22,7 @@ from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.kernels.compilation import entry_kernel, kernel
 from lab.navigation.solution import Belief, Imu, Solution
+from lab.navigation.strapdown import matrix, rotate
 from lab.sensors.imu_errors import OFF_DIAGONAL
 
 CAUSES = 4
@@ -135,13 +135,28 @@ def motion_of(
 
 def _gained_until(solution: Solution, ends: NDArray[np.intp], imu: Imu) -> FloatArray:
     """Return the sums of the velocity increments, resolved in n, up to some samples (m,) [m/s]."""
+    sums, running = np.zeros((ends.size, 3)), np.zeros((AT_ONCE + 1, 3))
+    for first in range(0, imu.dvelocity.shape[0], AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        last = first + len(imu.dvelocity[part])
+        _add_resolved(of_kernel(solution.q_nb[1:][part]), of_kernel(imu.dvelocity[part]), running)
+        here = (ends >= first) & (ends <= last)
+        sums[here] = running[ends[here] - first]
+        running[0] = running[last - first]
+    return sums
 
-    def gained(part: slice) -> FloatArray:
-        attitude = Rotation.from_quat(solution.q_nb[1:][part], scalar_first=True)
-        # SciPy takes no read-only array, so this is a copy.
-        return np.asarray(attitude.apply(imu.dvelocity[part].astype(np.float64)))
 
-    return _sums_of(gained, imu.dvelocity.shape[0], ends)
+@entry_kernel
+def _add_resolved(q_nb: FloatArray, vectors_b: FloatArray, running: FloatArray) -> None:
+    """Write the sums (m + 1, 3) of vectors (m, 3) of b, resolved in n by their attitudes (m, 4).
+
+    The first sum is that of the vectors before these.
+    """
+    for k in range(len(q_nb)):
+        q, v = q_nb[k], vectors_b[k]
+        rotated = rotate(matrix((q[0], q[1], q[2], q[3])), (v[0], v[1], v[2]))
+        for axis in range(3):
+            running[k + 1, axis] = running[k, axis] + rotated[axis]
 
 
 def sums_between(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
@@ -152,18 +167,6 @@ def sums_between(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.i
     if not inside.all():
         there[~inside] = 0.0
     return np.asarray(np.sum(there, axis=1, dtype=np.float64))
-
-
-def _sums_of(values: Callable[[slice], FloatArray], count: int, samples: NDArray[np.intp]) -> FloatArray:
-    """Return the sums (m, 3) before some samples of `count` values, which are computed in blocks."""
-    sums, carried = np.zeros((samples.size, 3)), np.zeros((1, 3))
-    for first in range(0, count, AT_ONCE):
-        # The previous sum is the first value, so that the order of the additions is that of a single block.
-        running = np.cumsum(np.concatenate((carried, values(slice(first, first + AT_ONCE)))), axis=0)
-        here = (samples >= first) & (samples < first + running.shape[0])
-        sums[here] = running[samples[here] - first]
-        carried = running[-1:]
-    return sums
 
 
 def causes_of(motion: MotionAtFixes) -> FloatArray:
@@ -387,11 +390,11 @@ def _respond(
     before = np.empty(error.shape)
     for k in range(len(gains)):
         _copy(forced[k], 1.0, before)
-        _add_product(transition[k], error, 1.0, before)
+        add_product(transition[k], error, 1.0, before)
         _copy(fixes[k], -1.0, answer[k])
-        _add_product(H[k], before, 1.0, answer[k])
+        add_product(H[k], before, 1.0, answer[k])
         _copy(before, 1.0, error)
-        _add_product(gains[k], answer[k], -1.0, error)
+        add_product(gains[k], answer[k], -1.0, error)
 
 
 @kernel
@@ -402,7 +405,7 @@ def _copy(values: FloatArray, factor: float, out: FloatArray) -> None:
 
 
 @kernel
-def _add_product(left: FloatArray, right: FloatArray, factor: float, out: FloatArray) -> None:
+def add_product(left: FloatArray, right: FloatArray, factor: float, out: FloatArray) -> None:
     """Add a product of matrices, of which the left one has many zeros."""
     for i in range(left.shape[0]):
         for m in range(left.shape[1]):

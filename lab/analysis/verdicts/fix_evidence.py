@@ -13,7 +13,7 @@ from lab.analysis import errors
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.outliers import outliers, stands_out
 from lab.analysis.verdicts.pattern import binned
-from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
+from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations, pseudoinverse
 from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames import ecef
 from lab.motion.frames.displacement import displacement
@@ -164,7 +164,7 @@ def _of_errors(
     """Return the statistics of errors (runs, m, 6) and causes (runs, m, 6, p), both in σ, at times (m,)."""
     position, log_determinant = coloured(times, causes[:, :, POS], error[:, :, POS])
     velocity, plain = normal_equations(causes[:, :, VEL], error[:, :, VEL]), normal_equations(causes, error)
-    by_causes = np.linalg.pinv(plain.matrix, hermitian=True) @ plain.vector[..., None]
+    by_causes = pseudoinverse(plain.matrix) @ plain.vector[..., None]
     rest = error - (causes @ by_causes[:, None])[..., 0]
     squares = np.stack((np.sum(rest**2, axis=1), np.sum(np.minimum(rest**2, CAPPED), axis=1)), axis=1)
     in_time = binned(rest, times, span)

@@ -12,7 +12,7 @@ from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.fix_evidence import RATIOS, TIMES, FixErrors
 from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
 from lab.analysis.verdicts.selection import rivals, select
-from lab.analysis.verdicts.sums import Fit, Squares
+from lab.analysis.verdicts.sums import Fit, Squares, pseudoinverse
 from lab.base.arrays import FloatArray
 
 
@@ -117,7 +117,7 @@ def _fits(fixes: FixErrors) -> _FixFits:
     for _ in range(3):
         matrix = parts[0].matrix / scales[..., 0, None, None] + parts[1].matrix / scales[..., 1, None, None]
         vector = parts[0].vector / scales[..., 0, None] + parts[1].vector / scales[..., 1, None]
-        x = np.linalg.pinv(matrix, hermitian=True) @ vector[..., None]
+        x = pseudoinverse(matrix) @ vector[..., None]
         if fixes.count < limits.VERDICT.cause_fixes:
             x = np.zeros_like(x)
         rest = [

@@ -275,12 +275,18 @@ class _Bank:
             groups,
             self._place,
             offered,
-            Terms.of(offered.transition),
-            Terms.of(offered.H),
-            (offered.noise != 0).any(axis=(0, 2, 3)),
+            Terms.of(offered.transition, np.arange(offered.transition.shape[1])),
+            Terms.of(offered.H, np.zeros(offered.H.shape[1], dtype=np.intp)),
+            _driven(offered.noise),
             limit,
             found,
         )
+
+
+def _driven(noise: FloatArray) -> NDArray[np.bool_]:
+    """Return the mask of `hypothesis_bank.follow` of parts of the noise (m, PARTS, n, n)."""
+    parts, n = noise.shape[1:3]
+    return np.asarray(noise.any(axis=0).reshape(parts, n // TOGETHER, TOGETHER, n).any(axis=2))
 
 
 def _starts(P0: FloatArray, N: int, tried: Sequence[Hypothesis]) -> FloatArray:

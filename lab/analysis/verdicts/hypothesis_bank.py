@@ -70,15 +70,19 @@ class Found(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """The elements of matrices that are not zero: in each row (r,), their number and columns (r, n)."""
+    """The elements of matrices that are not zero: in each row (r,), their number and columns (r, n).
+
+    One element of each row is not among them: the one that a sum over the row begins with.
+    """
 
     number: NDArray[np.int64]
     column: NDArray[np.int64]
 
     @classmethod
-    def of(cls, matrices: FloatArray) -> Terms:
-        """Return those of some matrices (m, r, n)."""
+    def of(cls, matrices: FloatArray, begin: NDArray[np.intp]) -> Terms:
+        """Return those of some matrices (m, r, n), whose sums begin with the columns (r,)."""
         some = (matrices != 0).any(axis=0)
+        some[np.arange(begin.size), begin] = False
         return cls(some.sum(axis=1), np.argsort(~some, axis=1, kind="stable"))
 
 
@@ -88,8 +92,7 @@ def _moved(w: Any, first: int, apart: int, transition: FloatArray, i: int, terms
     total = transition[i, i] * w[first + i * apart]
     for t in range(terms.number[i]):
         m = terms.column[i, t]
-        if m != i:
-            total = total + transition[i, m] * w[first + m * apart]
+        total = total + transition[i, m] * w[first + m * apart]
     return total
 
 
@@ -104,9 +107,8 @@ def _move(w: Any, place: Place, transition: FloatArray, decay: Any, terms: Terms
             a, b, c = own * w[at], own * w[at + 1], own * w[at + 2]
             for t in range(terms.number[i]):
                 m = terms.column[i, t]
-                if m != i:
-                    factor, at = transition[i, m], m * N + j
-                    a, b, c = a + factor * w[at], b + factor * w[at + 1], c + factor * w[at + 2]
+                factor, at = transition[i, m], m * N + j
+                a, b, c = a + factor * w[at], b + factor * w[at + 1], c + factor * w[at + 2]
             at = place.PRODUCT + i * N + j
             w[at], w[at + 1], w[at + 2] = a, b, c
         w[place.MOVED + i] = _moved(w, place.APART, 1, transition, i, terms)
@@ -138,11 +140,10 @@ def _propagate(
             a, b, c = own * w[at], own * w[at + N], own * w[at + 2 * N]
             for t in range(terms.number[j]):
                 m = terms.column[j, t]
-                if m != j:
-                    factor, at = transition[j, m], row + m
-                    a, b, c = a + factor * w[at], b + factor * w[at + N], c + factor * w[at + 2 * N]
+                factor, at = transition[j, m], row + m
+                a, b, c = a + factor * w[at], b + factor * w[at + N], c + factor * w[at + 2 * N]
             for part in range(PARTS if i < n else 0):
-                if driven[part]:
+                if driven[part, i // TOGETHER, j]:
                     drive = w[place.Q + part]
                     a = a + noise[part, i, j] * drive
                     b = b + noise[part, i + 1, j] * drive
@@ -164,8 +165,7 @@ def _shown(w: Any, first: int, apart: int, H: FloatArray, c: int, N: int, seen: 
     total = w[first] * H[c, 0]
     for t in range(seen.number[c]):
         m = seen.column[c, t]
-        if m != 0:
-            total = total + w[first + m * apart] * H[c, m]
+        total = total + w[first + m * apart] * H[c, m]
     if n + c < N and c < AXES:  # the slow error of a position is a part of the fix
         total = total - w[first + (n + c) * apart]
     return total
@@ -320,8 +320,8 @@ def follow(
         Where the numbers of a hypothesis begin.
     offered, terms, seen
         The fixes, and the elements of their transitions and of their H that are not zero.
-    driven : (PARTS,) array
-        Mask of the parts of the noise that are not zero.
+    driven : (PARTS, n / TOGETHER, n) array
+        Mask of the elements of the noise that are not zero, of rows that are computed together.
     limit
         As of `hypotheses.likelihoods`.
     found

@@ -6,17 +6,18 @@ through its gains. The rest appears in the innovations, like the effect of fix c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.fix_causes import write_imu_columns
+from lab.analysis.fix_causes import add_product, write_imu_columns
 from lab.base.arrays import FloatArray, of_kernel
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
-from lab.navigation.kernels.compilation import entry_kernel
+from lab.navigation.kernels.compilation import entry_kernel, kernel
 from lab.navigation.solution import Belief, Imu, Solution
 from lab.navigation.strapdown import matrix
 
@@ -34,15 +35,17 @@ CAUSES = {
 """Tested errors: the sensor, and the quantity on which the error depends."""
 DRIFT_TIME = 60.0
 """Time in which a unit drift changes a bias by one unit [s]."""
-NODES = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
+NODES = ((-math.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (math.sqrt(0.6), 5 / 18))
 """Gauss-Legendre nodes and weights, exact for the powers in the short-term error."""
-AT_ONCE = 64
-"""Fixes whose steps are computed together, with some 100 kB each at 200 Hz and 21 states."""
+AT_ONCE = 256
+"""Fixes whose steps are computed together, with some 50 kB each at 200 Hz and 21 states."""
 
 STEP, DTHETA, DVELOCITY = 0, slice(1, 4), slice(4, 7)
 """Places of the signals: length of a sample interval [s], and increments of gyros and accelerometers."""
 GYRO_SLOPE, ACCEL_SLOPE, SINCE, SIGNALS = slice(7, 10), slice(10, 13), 13, 14
 """Places of minus what these lose in a sample, of a bias drift, and the number of signals."""
+_OF_GAPS = ((ATT, slice(0, 3)), (VEL, slice(3, 6)))
+"""States that unknown motion in gaps acts on, and the places of its densities."""
 
 
 class Steps(NamedTuple):
@@ -148,30 +151,31 @@ def _steps(
     mean_C, safe = rotated[..., STEP], np.maximum(duration, 1e-9)[:, None]
     force_n = np.trace(rotated[..., DVELOCITY], axis1=2, axis2=3) / safe
     rate_b, force_b = plain[:, DTHETA] / safe, plain[:, DVELOCITY] / safe
-    F = _system_matrix(names, mean_C / safe[..., None], force_n, rate_b, force_b, belief)
-    T = duration[:, None, None]
+    C_nb = mean_C / safe[..., None]
+    F = _system_matrix(names, C_nb, force_n, rate_b, force_b, belief)
     n, unknown = solution.states, _in_gaps(belief, imu.time, edges, duration)
-    noise = np.zeros((count, 5, n, n))
-    blocks = [(ATT, 0, belief.noise[:3]), (VEL, 1, belief.noise[3:6])]
-    blocks += [(ATT, 4, unknown[:, :3]), (VEL, 4, unknown[:, 3:])] if unknown.any() else []
-    square = F @ F
-    powers = F, square / 2, square @ F / 6
-    for node, weight in NODES:
-        onwards = exponential(powers, 0.5 * (1 - node) * T)
-        for rows, block, density in blocks:
-            G = onwards[:, :, rows] @ (mean_C / safe[..., None] * np.sqrt(density)[..., None, :])
-            noise[:, block] += weight * T * (G @ G.transpose(0, 2, 1))
-        for rows, block in ((GYRO_BIAS, 2), (ACCEL_BIAS, 3)):
-            G = onwards[:, :, rows] * np.sqrt(belief.noise[3 * block : 3 * block + 3])
-            noise[:, block] += weight * T * (G @ G.transpose(0, 2, 1))
-    if not forced:
-        return Steps(exponential(powers, T), noise, np.zeros((count, n, 0)))
+    drives = [
+        (ATT, 0, C_nb * np.sqrt(belief.noise[:3])),
+        (VEL, 1, C_nb * np.sqrt(belief.noise[3:6])),
+        (GYRO_BIAS, 2, np.broadcast_to(np.diag(np.sqrt(belief.noise[6:9])), C_nb.shape)),
+        (ACCEL_BIAS, 3, np.broadcast_to(np.diag(np.sqrt(belief.noise[9:12])), C_nb.shape)),
+    ]
+    if unknown.any():
+        drives += [(rows, 4, C_nb * np.sqrt(unknown[:, None, own])) for rows, own in _OF_GAPS]
     # The errors that the causes of gyros and accelerometers add, resolved in n.
-    gyros, axes, signals = _REGRESSORS
-    direct = rotated[:, :, axes, signals]
-    kick = np.zeros((count, n, axes.size))
+    gyros, axes, signals = (one if forced else one[:0] for one in _REGRESSORS)
+    direct, kick = rotated[:, :, axes, signals], np.zeros((count, n, axes.size))
     kick[:, ATT, gyros], kick[:, VEL, ~gyros] = -direct[..., gyros], direct[..., ~gyros]
-    return Steps(exponential(powers, T), noise, exponential(powers, 0.5 * T) @ kick)
+    found = Steps(np.empty(F.shape), np.zeros((count, 5, n, n)), np.zeros(kick.shape))
+    _integrate(
+        F,
+        duration,
+        np.array([(rows.start, part) for rows, part, _ in drives]),
+        np.stack([roots for *_, roots in drives], axis=1),
+        kick,
+        found,
+    )
+    return found
 
 
 def _in_gaps(belief: Belief, time: FloatArray, edges: NDArray[np.intp], duration: FloatArray) -> FloatArray:
@@ -182,12 +186,70 @@ def _in_gaps(belief: Belief, time: FloatArray, edges: NDArray[np.intp], duration
     return np.asarray(within @ belief.gaps[:, 2:] / np.maximum(duration, 1e-9)[:, None])
 
 
-def exponential(powers: tuple[FloatArray, FloatArray, FloatArray], T: FloatArray) -> FloatArray:
-    """Return exp(F T) (m, n, n) to third order, from F, F²/2 and F³/6 and times (m, 1, 1) [s]."""
-    first, second, third = powers
-    found = T * (first + T * (second + T * third))
-    found[:, range(found.shape[1]), range(found.shape[1])] += 1.0
-    return np.asarray(found)
+@entry_kernel
+def _integrate(
+    F: FloatArray,
+    duration: FloatArray,
+    places: NDArray[np.int64],
+    roots: FloatArray,
+    kick: FloatArray,
+    found: Steps,
+) -> None:
+    """Write the transitions over the intervals (m,), and add the noise and the causes within them.
+
+    Parameters
+    ----------
+    F : (m, n, n) array
+        System matrices.
+    duration : (m,) array
+        Lengths of the intervals [s].
+    places : (d, 2) array
+        First of the three states that a drive acts on, and the part of the noise that it belongs to.
+    roots : (m, d, 3, 3) array
+        Roots of the densities of the drives.
+    kick : (m, n, p) array
+        What the causes add, as if all of it came in the middle of the interval.
+    """
+    n = F.shape[1]
+    second, third, onwards = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    G, some = np.empty((n, 3)), np.empty(n, np.int64)
+    for k in range(len(F)):
+        T = duration[k]
+        second[:], third[:] = 0.0, 0.0
+        add_product(F[k], F[k], 1 / 2, second)
+        add_product(F[k], second, 1 / 3, third)
+        _exponential(F[k], second, third, T, found.transition[k])
+        for node, weight in NODES:
+            _exponential(F[k], second, third, 0.5 * (1 - node) * T, onwards)
+            if node == 0.0:
+                add_product(onwards, kick[k], 1.0, found.forced[k])
+            for d in range(len(places)):
+                first, count = places[d, 0], 0
+                for i in range(n):
+                    a, b, c = onwards[i, first], onwards[i, first + 1], onwards[i, first + 2]
+                    if a != 0 or b != 0 or c != 0:
+                        for s in range(3):
+                            G[count, s] = (
+                                a * roots[k, d, 0, s] + b * roots[k, d, 1, s] + c * roots[k, d, 2, s]
+                            )
+                        some[count] = i
+                        count += 1
+                noise = found.noise[k, places[d, 1]]
+                for row in range(count):
+                    for column in range(row + 1):
+                        both = G[row, 0] * G[column, 0] + G[row, 1] * G[column, 1] + G[row, 2] * G[column, 2]
+                        i, j = some[row], some[column]
+                        noise[i, j] += weight * T * both
+                        noise[j, i] = noise[i, j]
+
+
+@kernel
+def _exponential(first: FloatArray, second: FloatArray, third: FloatArray, T: float, out: FloatArray) -> None:
+    """Write exp(F T) to third order, from F, F²/2 and F³/6."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = T * (first[i, j] + T * (second[i, j] + T * third[i, j]))
+        out[i, i] += 1.0
 
 
 def _system_matrix(
@@ -244,40 +306,66 @@ def _gathered(
     C_nb s has the columns of C_nb, each times the signal. Without the effects of the causes, the signals are
     the first ones.
     """
-    begin, end = int(edges.min()), int(edges.max()) + 1
-    here = slice(begin, end)
-    dt = np.diff(imu.time[begin : end + 1])
-    signals = np.empty((end - begin, SIGNALS if forced else DVELOCITY.stop))
-    # Of a long flight, increments are float32, which would not do for sums.
-    signals[:, STEP], signals[:, DTHETA], signals[:, DVELOCITY] = dt, imu.dtheta[here], imu.dvelocity[here]
-    if forced:
-        # A slope needs the samples on both sides.
-        around = slice(max(begin - 1, 0), min(end + 1, imu.dtheta.shape[0]))
-        inner = slice(begin - around.start, end - around.start)
-        per = 1 / np.diff(imu.time[around.start : around.stop + 1])[:, None]
-        for measured, place in ((imu.dtheta, GYRO_SLOPE), (imu.dvelocity, ACCEL_SLOPE)):
-            signals[:, place] = -np.gradient(measured[around] * per, axis=0)[inner]
-        signals[:, SINCE] = (imu.time[begin + 1 : end + 1] - imu.time[0]) / DRIFT_TIME * dt
-    rotated = np.zeros((edges.size - 1, 3, 3, signals.shape[1]))
-    plain = np.zeros((edges.size - 1, signals.shape[1]))
-    _gather(of_kernel(solution.q_nb[begin : end + 1]), signals, edges - begin, rotated, plain)
+    # A slope needs the samples on both sides.
+    begin, end = max(int(edges.min()) - 1, 0), min(int(edges.max()) + 2, imu.dtheta.shape[0])
+    count = SIGNALS if forced else DVELOCITY.stop
+    rotated, plain = np.zeros((edges.size - 1, 3, 3, count)), np.zeros((edges.size - 1, count))
+    _gather(
+        of_kernel(imu.time[begin : end + 1]),
+        of_kernel(imu.dtheta[begin:end]),
+        of_kernel(imu.dvelocity[begin:end]),
+        of_kernel(solution.q_nb[begin : end + 1]),
+        edges - begin,
+        float(imu.time[0]),
+        rotated,
+        plain,
+    )
     return rotated, plain
 
 
 @entry_kernel
 def _gather(
-    q_nb: FloatArray, signals: FloatArray, edges: NDArray[np.intp], rotated: FloatArray, plain: FloatArray
+    time: FloatArray,
+    dtheta: FloatArray,
+    dvelocity: FloatArray,
+    q_nb: FloatArray,
+    edges: NDArray[np.intp],
+    start: float,
+    rotated: FloatArray,
+    plain: FloatArray,
 ) -> None:
-    """Add signals (n, s) of the intervals, and their products with the mean of C_nb at both ends of each."""
+    """Add the signals of the intervals, and their products with the mean of C_nb at both ends of each sample.
+
+    `start` is the time of the first sample of all [s].
+    """
+    signals, last = np.empty(plain.shape[1]), matrix((1.0, 0.0, 0.0, 0.0))
     for k in range(edges.size - 1):
         for sample in range(edges[k], edges[k + 1]):
+            dt = time[sample + 1] - time[sample]
+            signals[STEP] = dt
+            for axis in range(3):
+                signals[DTHETA.start + axis] = dtheta[sample, axis]
+                signals[DVELOCITY.start + axis] = dvelocity[sample, axis]
+            if signals.size > DVELOCITY.stop:
+                one, other = max(sample - 1, 0), min(sample + 1, len(dtheta) - 1)
+                apart = max(other - one, 1)
+                per_one = 1 / (apart * (time[one + 1] - time[one]))
+                per_other = 1 / (apart * (time[other + 1] - time[other]))
+                for axis in range(3):
+                    signals[GYRO_SLOPE.start + axis] = (
+                        dtheta[one, axis] * per_one - dtheta[other, axis] * per_other
+                    )
+                    signals[ACCEL_SLOPE.start + axis] = (
+                        dvelocity[one, axis] * per_one - dvelocity[other, axis] * per_other
+                    )
+                signals[SINCE] = (time[sample + 1] - start) / DRIFT_TIME * dt
             before, after = q_nb[sample], q_nb[sample + 1]
-            first = matrix((before[0], before[1], before[2], before[3]))
+            first = last if sample > edges[k] else matrix((before[0], before[1], before[2], before[3]))
             last = matrix((after[0], after[1], after[2], after[3]))
             for i in range(3):
                 for j in range(3):
-                    entry = 0.5 * (first[i][j] + last[i][j])
-                    for s in range(signals.shape[1]):
-                        rotated[k, i, j, s] += entry * signals[sample, s]
-            for s in range(signals.shape[1]):
-                plain[k, s] += signals[sample, s]
+                    entry, here = 0.5 * (first[i][j] + last[i][j]), rotated[k, i, j]
+                    for s in range(signals.size):
+                        here[s] += entry * signals[s]
+            for s in range(signals.size):
+                plain[k, s] += signals[s]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.sums import Fit
+from lab.analysis.verdicts.sums import Fit, pseudoinverse
 from lab.base.arrays import FloatArray
 
 
@@ -123,6 +123,6 @@ def _part(fit: Fit, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     scale = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
     inverse = scale[:, :, None] * scale[:, None, :]
     if at.size > 1:
-        inverse *= np.linalg.pinv(matrix * inverse, rcond=1e-9, hermitian=True)
+        inverse *= pseudoinverse(matrix * inverse, 1e-9)
     sigma = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0))
     return np.einsum("bij,bj->bi", inverse, fit.vector[:, at]), sigma
