@@ -61,19 +61,25 @@ Letters on a button have a contrast of 4.5, as WCAG 2 wants, also on grey ones a
 dark theme letters on coloured buttons are dark, so a button under the mouse gets lighter.
 """
 
+HEADER, TWO_ROWS = "max(48px, 3rem)", "max(88px, 5.5rem)"
+"""Heights of the header, and of its two rows on a phone; both grow with the letters of a browser."""
+BESIDE_MISSION = "max(170px, 10.6rem)"
+"""Width in the first row on a phone of what stands beside the mission: menu, name of the lab, and theme."""
+
 DRESS: dict[str, Any] = {
     "& .MuiAppBar-root": {"backgroundColor": "#16324f", "backgroundImage": "none", "boxShadow": "none"},
     "& .MuiAppBar-root .MuiIconButton-root": {"color": "#ffffff"},
-    "& .MuiToolbar-root": {"minHeight": "48px !important"},
+    "& .MuiToolbar-root": {"minHeight": f"{HEADER} !important"},
     "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem", "whiteSpace": "nowrap"},
     "@media (max-width: 480px)": {
-        "& .MuiToolbar-root": {"minHeight": "88px !important"},
+        "& .MuiToolbar-root": {"minHeight": f"{TWO_ROWS} !important"},
         "& .MuiAppBar-root .MuiToolbar-root": {"flexWrap": "wrap", "padding": "0 6px"},
-        "& .MuiAppBar-root .MuiToolbar-root > .MuiBox-root:last-of-type": {
-            "order": 9, "flex": "1 0 100%", "minWidth": 0, "maxWidth": "100%", "height": "40px",
-            "overflow": "auto hidden", "scrollbarWidth": "none",
+        "& .MuiAppBar-root .MuiToolbar-root > .MuiBox-root:last-of-type": {"display": "contents"},
+        "& .MuiAppBar-root .MuiToolbar-root > button:last-child": {"order": 1},
+        "& .child-wrapper > :not(.mission)": {"order": 2},
+        "& .child-wrapper > .mission": {
+            "flex": f"1 1 calc(100vw - {BESIDE_MISSION}) !important", "minWidth": 0
         },
-        "& .MuiAppBar-root .MuiToolbar-root > button:last-child": {"marginLeft": "auto"},
     },
     "@media print": {
         "&, & .main, & .main > div, & .main-content": {
@@ -85,14 +91,14 @@ DRESS: dict[str, Any] = {
 }  # fmt: skip
 """A flat, dark header, of two rows on a phone; paper has neither header nor settings."""
 
-FRAME = """
-:host { display: flex !important; flex-direction: column; overflow: hidden; position: relative;
-        height: calc(100vh - 48px) !important; min-height: 0 !important; min-width: 0 !important; }
-@media (max-width: 480px) { :host { height: calc(100vh - 88px) !important; } }
-@media print {
-  :host { display: block !important; overflow: visible; height: auto !important; max-width: none !important;
-          width: var(--print-width, 100%) !important; zoom: var(--print-zoom, 1); }
-}
+FRAME = f"""
+:host {{ display: flex !important; flex-direction: column; overflow: hidden; position: relative;
+        height: calc(100vh - {HEADER}) !important; min-height: 0 !important; min-width: 0 !important; }}
+@media (max-width: 480px) {{ :host {{ height: calc(100vh - {TWO_ROWS}) !important; }} }}
+@media print {{
+  :host {{ display: block !important; overflow: visible; height: auto !important; max-width: none !important;
+          width: var(--print-width, 100%) !important; zoom: var(--print-zoom, 1); }}
+}}
 """
 """All below the header: tabs, message, page and time bar share the height of the window.
 

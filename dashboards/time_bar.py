@@ -32,6 +32,9 @@ ROOMY = "@media (max-width: 800px) { :host { display: none !important; } }"
 ABOVE = {"position": "relative"}
 """Of the column in which the lane of events stands above the slider."""
 
+ROW = ":host { height: max(48px, 3rem) !important; }"
+"""The row grows with the letters of a browser, as its icons do."""
+
 READOUT = """
 :host { width: 120px; white-space: nowrap; }
 @media (max-width: 800px) { :host { width: 66px; } span { display: none; } }
@@ -104,7 +107,7 @@ class TimeBar:
             outage,
             note,
             whole,
-            height=48,
+            stylesheets=[ROW],
         )
         self.view = plain_column(
             PlotTools(sizing_mode="stretch_width", margin=0),  # type: ignore[no-untyped-call]

@@ -40,6 +40,13 @@ _HINTED = {
 """An empty box shows its hint: the label is above it, as if there were a value."""
 _AT_ONCE = {"& .MuiSlider-thumb, & .MuiSlider-track": {"transition": "none"}}
 """An animated thumb would keep the browser painting frames while it should paint the plots."""
+_BY_THUMB = {
+    "@media (pointer: coarse)": {
+        "& .MuiSlider-root": {"pointerEvents": "none"},
+        "& .MuiSlider-thumb": {"pointerEvents": "auto"},
+    }
+}
+"""A finger that scrolls the settings starts anywhere: it moves a slider by its thumb alone."""
 _RED = "p { margin: 0; font-size: 0.75rem; color: var(--mui-palette-error-main, #b3261e); }"
 _BOX = {"& input": {"fontSize": "0.8125rem", "textAlign": "right", "padding": "0 0 1px"}}
 
@@ -199,7 +206,7 @@ class NumberField(Field):
             size="small",
             sizing_mode="stretch_width",
             margin=0 if doc else (0, 0, 0, 12),
-            sx=_LABEL | _AT_ONCE,
+            sx=_LABEL | _AT_ONCE | _BY_THUMB,
             tags=[SETTING],
             start=self._scale.start,
             end=self._scale.end,

@@ -5,9 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
-from tests.browser.conftest import HEIGHT, WIDTH, eventually, show, shown, wait_for
+from tests.browser.conftest import (
+    ERRORS,
+    HEIGHT,
+    WHOLE,
+    WIDTH,
+    eventually,
+    new_context,
+    show,
+    shown,
+    wait_for,
+)
 
 pytestmark = pytest.mark.browser
 
@@ -69,6 +79,104 @@ def test_the_parts_of_a_tab_fit_a_phone_and_the_card_is_named_in_full(
             eventually(page, lambda part=part: _right_of(part) <= 390)  # type: ignore[misc]
     finally:
         page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+
+
+NAMED = """
+([kind, label]) => {
+  const found = [...Bokeh.documents[0].all_models].find((one) => one.css_classes?.includes?.(kind));
+  found.data.label = label;
+}
+"""
+"""Gives a button of the header other words."""
+
+
+@pytest.mark.parametrize("width", [360, 390])
+def test_the_header_and_the_legend_fit_a_phone_whatever_mission_and_verdict_are_called(
+    shared_page: Page, width: int
+) -> None:
+    page = shared_page
+    show(page, "Verdict")
+    page.set_viewport_size({"width": width, "height": 844})
+    try:
+        page.evaluate(NAMED, ["mission", "A recording with a name as long as a sentence, copy (2)"])
+        page.evaluate(NAMED, ["verdict-chip", "Errors grow faster than the filter claims (+2)"])
+        keys = page.get_by_role("button", name="What keys and mouse do (?)")
+        eventually(page, lambda: _right_of(keys) <= width)
+        parts = [
+            *page.get_by_role("banner").get_by_role("button").all(),
+            *page.get_by_role("group", name="Legend").locator("> *").all(),
+        ]
+        seen = [part for part in parts if part.is_visible()]
+        assert len(seen) > 10
+        for part in seen:
+            box = part.bounding_box()
+            assert box is not None
+            assert box["x"] >= -8, part.inner_text()  # the menu's round ground is wider than its icon
+            assert box["x"] + box["width"] <= width, part.inner_text()
+        rows = {round(box["y"] / 44) for part in seen[:9] if (box := part.bounding_box()) is not None}
+        assert rows == {0, 1}
+    finally:
+        page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+
+
+def test_a_finger_that_scrolls_the_settings_moves_no_slider_but_by_its_thumb(
+    chromium: Browser, address: str
+) -> None:
+    page = new_context(
+        chromium, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True
+    ).new_page()
+    page.goto(address + ERRORS)
+    wait_for(page, WHOLE)
+    drawer = page.get_by_role("button", name="Open drawer")
+    if drawer.is_visible():
+        drawer.click()
+    thumb = page.get_by_role("slider", name="White noise [°/s/√Hz]").locator("xpath=..")
+    number = page.get_by_role("textbox", name="White noise [°/s/√Hz]")
+    expect(number).to_have_value("0.05")
+    expect(thumb).to_be_visible()
+    eventually(page, lambda: 0 < _left_of(thumb) < 200)  # the drawer has slid in
+    right, before = _left_of(thumb) + 150, _edges(thumb)
+    _swipe(page, (right, before[0] + 6), (0, -15))
+    eventually(page, lambda: _edges(thumb)[0] < before[0] - 40)
+    expect(number).to_have_value("0.05")
+    _swipe(page, (_left_of(thumb) + 6, _edges(thumb)[0] + 6), (10, 0))
+    expect(number).not_to_have_value("0.05")
+    page.context.close()
+
+
+def _swipe(page: Page, start: tuple[float, float], step: tuple[float, float]) -> None:
+    """Move a finger by ten steps [px]."""
+    session = page.context.new_cdp_session(page)
+    for count in range(11):
+        point = {"x": start[0] + count * step[0], "y": start[1] + count * step[1]}
+        kind = "touchMove" if count else "touchStart"
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [point]})
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+
+def _left_of(part: Locator) -> float:
+    box = part.bounding_box()
+    return float("inf") if box is None else box["x"]
+
+
+def test_letters_of_twice_the_size_leave_tabs_and_time_bar_whole(shared_page: Page) -> None:
+    page = shared_page
+    show(page, "Errors")
+    page.evaluate("document.documentElement.style.fontSize = '200%'")
+    try:
+        banner, tab = page.get_by_role("banner"), page.get_by_role("tab", name="Errors", exact=True)
+        eventually(page, lambda: _edges(banner)[1] > 60)
+        eventually(page, lambda: _edges(tab)[0] >= _edges(banner)[1] - 1)
+        button = page.get_by_role("button", name="Whole flight", exact=True)
+        eventually(page, lambda: _edges(button)[1] <= HEIGHT)
+    finally:
+        page.evaluate("document.documentElement.style.fontSize = ''")
+
+
+def _edges(part: Locator) -> tuple[float, float]:
+    """Return the upper and the lower edge of a part of the page [px]."""
+    box = part.bounding_box()
+    return (float("nan"), float("nan")) if box is None else (box["y"], box["y"] + box["height"])
 
 
 def _right_of(part: Locator) -> float:
