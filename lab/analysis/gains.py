@@ -188,7 +188,7 @@ def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: Fl
     vertical, held = C_fe.mT[:, :, 2], solution.fix_held[fixes]
     in_body = MODELS[run.experiment.navigator.model].in_body and is_corrected(run)
     if in_body:
-        about = vertical * held.any(axis=1)[:, None]
+        about = vertical * held.any(axis=1, keepdims=True)
         P = _before_turns(P, weighted @ innovation, about, _turns_near(run, fixes))
     # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b), except along what was held.
     K = P @ weighted
