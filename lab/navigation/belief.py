@@ -10,7 +10,7 @@ from scipy import linalg
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
-from lab.base.parameters.units import si
+from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.motion.frames.east_north_up import east_north_up_sizes
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
@@ -277,9 +277,10 @@ def bias_processes(
         Variances of the constant errors after an alignment; by default, those before any alignment.
     """
     gyro, accel = (None, None) if constants is None else (constants[GYRO_BIAS], constants[ACCEL_BIAS])
+    hidden = hidden_by_fixes(sensors)
     parts = (
-        bias_process(sensors.gyro, gyro),
-        bias_process(sensors.accelerometer, accel, hidden_by_fixes(sensors)),
+        bias_process(sensors.gyro, gyro, hidden[:3]),
+        bias_process(sensors.accelerometer, accel, hidden[3:]),
     )
     drive, decay = (np.concatenate(part) for part in zip(*parts, strict=True))
     return drive, decay
@@ -298,6 +299,12 @@ def bias_process(
     single Gauss-Markov state has the variance of all together and the short-term growth Σ 2 σ² / τ. A random
     walk adds K² to the drive and nothing to the decay. The model is exact for a single part.
 
+    Beside a large constant, a state of that growth is a random walk, which goes on growing where flicker does
+    not. Such a constant is also what an alignment leaves of a gyro bias that is known but for the
+    g-sensitivity, which has states of its own. Headings show a gyro bias late. So the state of a gyro changes
+    by flicker as the process that stands for it does within the time T of its largest Allan deviation, by
+    2 σ² (1 − exp(−T / τ)).
+
     The noise hides fast changes of the instability, so only their variance counts. For a bias with the drive
     q under noise of the density N², the steady state of the Riccati equation has the variance √(q N²). With a
     constant of variance C, that variance need not exceed `HIDDEN` σ² √((C + σ²) / C).
@@ -309,27 +316,37 @@ def bias_process(
     level = HIDDEN * instability * np.sqrt(constant + instability)
     hiding = constant * si(errors, "noise_density") ** 2
     settled = np.divide(level**2, hiding, out=np.full(3, np.inf), where=hiding > 0)
-    drive = np.minimum(growth, settled) + 2 * flicker / flicker_time
+    if isinstance(errors, GyroErrors):
+        share = np.divide(flicker, total, out=np.zeros(3), where=total > 0)
+        changing = -total * np.log1p(share * np.expm1(-FLICKER_PEAK)) / FLICKER_PEAK
+    else:
+        changing = flicker
+    drive = np.minimum(growth, settled) + 2 * changing / flicker_time
     decay = np.divide(drive, 2 * total, out=np.zeros(3), where=total > 0)
     return drive + si(errors, "rate_random_walk") ** 2, decay
 
 
 def hidden_by_fixes(sensors: SensorSuite) -> FloatArray:
-    """Return the time (3,) within which the fixes hide the flicker of the accelerometers [s]; 0 without any.
+    """Return the time (6,) within which the fixes hide the flicker of gyros and accelerometers [s].
 
-    A line through the velocities of fixes of the variance R, one in each period Δ, shows the bias over a time
-    T with the variance 12 R Δ / T³; a parabola through their positions, with 720 R Δ / T⁵. The time is that
-    at which the better of the two falls to the floor of the flicker.
+    It is 0 without flicker. A polynomial of degree k through values with the variance R, one in each period
+    Δ, shows its last derivative over a time T with the variance (2k + 1) ((2k)! / k!)² R Δ / T^(2k + 1). The
+    bias of an accelerometer is the first derivative of the velocity error and the second of that of the
+    position. The bias of a gyro tilts the navigator and is, times gravity, the second and the third. The time
+    is that at which the better of the two falls to the floor of the flicker.
     """
-    floor = (FLICKER_FLOOR * si(sensors.accelerometer, "flicker")) ** 2
     period = float(sensors.gps.period)
-
-    def until(variance: str, factor: float, power: int) -> FloatArray:
-        seen = factor * period * float(np.mean(si(sensors.gps, variance)))
-        return np.asarray(np.divide(seen, floor, out=np.zeros(3), where=floor > 0) ** (1 / power))
-
-    times = until("velocity_variance", 12, 3), until("position_variance", 720, 5)
-    return np.asarray(np.minimum(*times))
+    times = []
+    for errors, order, size in ((sensors.gyro, 2, STANDARD_GRAVITY), (sensors.accelerometer, 1, 1.0)):
+        floor = (FLICKER_FLOOR * size * si(errors, "flicker")) ** 2
+        until = []
+        for quantity, degree in (("velocity_variance", order), ("position_variance", order + 1)):
+            factor = (2 * degree + 1) * math.perm(2 * degree, degree) ** 2
+            seen = factor * period * float(np.mean(si(sensors.gps, quantity)))
+            variance = np.divide(seen, floor, out=np.zeros(3), where=floor > 0)
+            until.append(variance ** (1 / (2 * degree + 1)))
+        times.append(np.minimum(*until))
+    return np.concatenate(times)
 
 
 def flicker_process(

@@ -123,6 +123,15 @@ def test_a_walk_that_noise_always_hides_is_not_named(sensor: str) -> None:
     assert all(walking(sensor, seed, 0.5).verdict.consistent for seed in range(1001, 1009))
 
 
+@pytest.mark.parametrize(("path", "size"), [("gyro.flicker", 1e-3), ("accelerometer.flicker", 1e-4)])
+def test_flicker_that_no_flight_shows_is_nothing_to_name(path: str, size: float) -> None:
+    """Fixes hide it for longer than the flight."""
+    experiment = Experiment(mission="los_angeles", seed=1001)
+    experiment.set("trajectory.imu_rate", 50.0)
+    experiment.set(f"sensors.{path}", size)
+    assert experiment.run().verdict.consistent
+
+
 @pytest.mark.parametrize("correlation_time", [0.3, 4.0, 1e3, 1e9])
 def test_the_growth_of_a_process_is_that_of_drawn_ones(correlation_time: float) -> None:
     """Means over windows of 1 s, less the value at the start, of processes with their stationary variance."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_are
@@ -9,7 +11,16 @@ from scipy.linalg import expm, solve_continuous_are
 from lab import Experiment
 from lab.analysis import error_sources
 from lab.base.parameters.units import si
-from lab.navigation.belief import FLICKER_AFTER_REST, belief, bias_process, bias_processes, flicker_process
+from lab.navigation.belief import (
+    FLICKER_AFTER_REST,
+    FLICKER_FLOOR,
+    FLICKER_PEAK,
+    belief,
+    bias_process,
+    bias_processes,
+    flicker_process,
+    hidden_by_fixes,
+)
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card
 from lab.sensors.imu import GyroErrors
@@ -70,6 +81,35 @@ def test_the_process_of_flicker_peaks_where_the_white_noise_meets_the_floor():
     allan = 2 * T / tau * (1 - T / (2 * tau) * (3 - 4 * np.exp(-tau / T) + np.exp(-2 * tau / T)))
     peak = tau[np.argmax(allan)]
     assert noise / np.sqrt(peak) == pytest.approx(0.664 * B, rel=0.005)
+
+
+def test_beside_a_constant_a_gyro_changes_by_its_flicker_and_no_more():
+    """Within the time of the largest Allan deviation; 900 B² are what a g-sensitivity leaves of a bias."""
+    errors = GyroErrors(bias_sigma=30 * 10 / 3600, flicker=10, noise_density=0.01)
+    drive, decay = bias_process(errors)
+    variance, time = flicker_process(errors)
+    total, T = drive / (2 * decay), FLICKER_PEAK * time
+    assert np.allclose(total, variance + (30 * 10 * DEGREE / 3600) ** 2, rtol=1e-12)
+    changes = 2 * total * -np.expm1(-decay * T)
+    assert np.allclose(changes, 2 * variance * -np.expm1(-T / time), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("triad", "lowest", "size"), [("gyro", 2, 9.80665), ("accelerometer", 1, 1.0)])
+@pytest.mark.parametrize(("position", "velocity"), [(0.01, 4.0), (25.0, 0.002)])
+def test_fixes_hide_flicker_for_the_time_of_the_better_polynomial(triad, lowest, size, position, velocity):
+    """Polynomials through fixes 50 ms apart by least squares: variance of the derivative that is the bias."""
+    suite = SensorSuite()
+    suite.set(f"{triad}.flicker", 8.0 if triad == "gyro" else 0.05)
+    suite.gps.update({"period": 0.05, "position_variance": position, "velocity_variance": velocity})
+    T = hidden_by_fixes(suite)[3 * (triad == "accelerometer")]
+    found = []
+    for variance, degree in ((velocity, lowest), (position, lowest + 1)):
+        basis = np.polynomial.legendre.legvander(np.linspace(-1, 1, round(T / 0.05)), degree)
+        last = variance * np.linalg.inv(basis.T @ basis)[-1, -1]
+        # The highest derivative of a Legendre polynomial is (2k)! / (2^k k!), with ±1 at the ends.
+        found.append(last * (math.perm(2 * degree, degree) / T**degree) ** 2)
+    floor = FLICKER_FLOOR * size * si(getattr(suite, triad), "flicker")[0]
+    assert np.sqrt(min(found)) == pytest.approx(floor, rel=0.02)
 
 
 def test_vibration_is_noise_to_the_accelerometers():

@@ -91,5 +91,5 @@ def reference_of(run: Run) -> Reference:
         drives[0],
         run.true_further() if run.solution_arrays.further.size else None,
         errors_of_states(run.simulated_settings, run.blocks, ideal),
-        hidden=np.append(np.zeros(3), hidden_by_fixes(experiment.sensors)),
+        hidden=hidden_by_fixes(experiment.sensors),
     )

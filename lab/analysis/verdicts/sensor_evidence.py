@@ -413,7 +413,7 @@ def spectrum(count: int, window: float, decay: float, period: float = 0.0) -> tu
     decay
         Decay rate λ of the process [1/s].
     period
-        Shortest period of the eigenvectors that are returned [s].
+        Shortest period of the eigenvectors that are returned [s]; the slowest always is.
     """
     t, turns = (np.arange(count) + 0.5) * window, decay * window
     if decay * t[-1] < SLOW:
@@ -428,4 +428,5 @@ def spectrum(count: int, window: float, decay: float, period: float = 0.0) -> tu
     power = np.maximum(power, 0)
     # A sine of the period T is integrated to (T / 2π)² of its variance.
     slow = power * window >= (period / (2 * np.pi)) ** 2
+    slow[-1] = True
     return power[slow], basis[:, slow]

@@ -102,7 +102,7 @@ class LaneResults:
         self._truth, self._ideal = flight.truth, flight.ideal
         self._latency = assumed_latency(navigator, sensors.gps.latency)
         self._drive = bias_processes(self._of_bias_states)[0]
-        self._hidden = np.append(np.zeros(3), hidden_by_fixes(sensors))
+        self._hidden = hidden_by_fixes(sensors)
         self._exact: tuple[Exact, Exact] | None = None
         self._span = float(self._truth.time[0]), float(self._truth.time[-1])
         time = self._truth.time
