@@ -272,13 +272,7 @@ class LogFiles:
         return time, samples
 
     def read_field(self) -> Magnetometer | None:
-        """Return the readings of the magnetometer; None if there is none.
-
-        Raises
-        ------
-        MissionError
-            As of `read`.
-        """
+        """Return the readings of the magnetometer; None if there is none. It raises as `read` does."""
         return None if self.magnetometer is None else self._read_field(self.magnetometer, [])
 
     def _read_imu(self, repairs: list[str]) -> tuple[FloatArray, FloatArray, bool]:

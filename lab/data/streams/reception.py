@@ -219,6 +219,20 @@ class Reception:
         """The last lines of text in which no columns are recognised; empty for anything else."""
         return self._detector.last_lines
 
+    @property
+    def header(self) -> dict[str, Any]:
+        """What a raw recording says of the stream when it begins, for `restore`."""
+        return {
+            "protocol": self.protocol,
+            "columns": "" if self.columns is None else str(self.columns),
+            "doubt": list(self.doubt),
+            "axes": str(self.axes),
+            "rate": self.rate,
+            "clock": self.clock.state,
+            "watch": self.watch.state,
+            "counted": self.counted,
+        }
+
     def restore(self, header: Mapping[str, Any]) -> None:
         """Go on with the state of clock and watch, and the number of samples, that a recording says."""
         if "clock" in header:

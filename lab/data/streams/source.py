@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
-
 from lab.data.log.calibration import Calibration
 from lab.data.protocols.decoder import DecoderError
 from lab.data.streams.axis_map import AxisMap
@@ -26,7 +24,7 @@ from lab.data.streams.raw_recording import (
 from lab.data.streams.reception import Reception
 from lab.data.streams.ring import Cursor, Read, Ring
 from lab.data.streams.sample_watch import FirstBytes, SampleWatch
-from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
+from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status, rates_of
 from lab.data.streams.transport import Chunk, NoTransport, Pluggable, Transport, cause_of
 from lab.data.streams.unit_question import question_of
 from lab.motion.truth.growing_truth import TrueMotion
@@ -39,14 +37,8 @@ WAKE = 0.1
 """Longest wait for bytes [s]: within it a source that is closed ends."""
 FIRST_WAIT, LONGEST_WAIT = 0.1, 1.0
 """Waits before a lost device is opened again [s]: each twice the one before, so it is back within 2 s."""
-MEASURED = 2.0
-"""Time over which rate, jitter and latency are measured [s]."""
-LEAST_SAMPLES = 3
-"""Fewest samples of which a delay and its spread are reported."""
-MEASURED_FIXES = 10.0
-"""Time over which the rate of the fixes is measured [s]: most receivers send one a second."""
 _LOOKED_AT = 4096, 256
-"""Samples and fixes that are looked at for it: those of this time at 2 kHz and 25 Hz."""
+"""Samples and fixes that are looked at for rate, jitter and latency (`source_status.rates_of`)."""
 LATEST = 512, 4096
 """Chunks that are kept to be looked at, and the bytes of each: at most 2 MB, usually a hundredth of it."""
 MOST_EVENTS = 100
@@ -276,7 +268,9 @@ class Source:
         """The state at this moment; it never waits for the disk or the device."""
         reception, end, now = self._reception, self._ring.end, self._clock()
         state, sentence = self._now(now)
-        rate, fix_rate, jitter, latency = self._measured(now)
+        # By the clock of the arrivals, which may not be the host's.
+        rates = rates_of(self._ring.last(*_LOOKED_AT), now + self._arrival - self._heard)
+        rate, fix_rate, jitter, latency = rates
         writer = self._writer
         path, size = (str(writer.path), writer.bytes) if writer else self._recorded
         return Status(
@@ -326,20 +320,6 @@ class Source:
             return STREAMING, why or "Bytes come; no sample is complete yet."
         return STREAMING, f"{self._why} {remark}".rstrip()
 
-    def _measured(self, now: float) -> tuple[float, float, float, float]:
-        """Return rates, jitter and latency of the last seconds."""
-        read = self._ring.last(*_LOOKED_AT)
-        now += self._arrival - self._heard  # by the clock of the arrivals, which may not be the host's
-        imu = read.imu[read.imu["arrival"] > now - MEASURED]
-        fix = read.fix[read.fix["arrival"] > now - MEASURED_FIXES]
-        rate = _rate(imu["time"])
-        fix_rate = _rate(fix["time"])
-        if len(imu) < LEAST_SAMPLES:
-            return rate, fix_rate, float("nan"), float("nan")
-        delay = imu["arrival"] - imu["time"]
-        steps = np.diff(imu["arrival"])
-        return rate, fix_rate, float(steps.std()), float(np.median(delay) - delay.min())
-
     def record(self, path: str | os.PathLike[str]) -> None:
         """Begin to record the bytes from now on; the recording ends with `stop_recording`, or the source.
 
@@ -359,23 +339,8 @@ class Source:
         with self._lock:
             if self._writer is not None:
                 raise RecordingError(f"{self._writer.path}: is being recorded; stop it first")
-            reception = self._reception
-            columns = reception.columns
-            self._writer = RawWriter(
-                path,
-                {
-                    "address": self.address,
-                    "protocol": reception.protocol,
-                    "columns": "" if columns is None else str(columns),
-                    "doubt": list(reception.doubt),
-                    "axes": str(reception.axes),
-                    "rate": reception.rate,
-                    "clock": reception.clock.state,
-                    "watch": reception.watch.state,
-                    "counted": reception.counted,
-                    **self._header,
-                },
-            )
+            about = {"address": self.address, **self._reception.header, **self._header}
+            self._writer = RawWriter(path, about)
             self._recorded, self._warning = (str(path), 0), ""
             for chunk in self._first_bytes:
                 self._record(chunk)
@@ -425,19 +390,19 @@ class Source:
                         wait = FIRST_WAIT
                 self._transport.close()
                 if not self._transport.reconnects and self._state == LOST:
-                    self._end(self._why)
+                    self._set(ENDED, self._why)
                     return
                 self._ending.wait(wait)
                 wait = min(2 * wait, LONGEST_WAIT)
-            self._end("Closed.")
+            self._set(ENDED, "Closed.")
         except EOFError as error:
             with self._lock:
                 self._put(*self._reception.lose(self._arrival))
-            self._end(str(error) or "Nothing more will come.")
+            self._set(ENDED, str(error) or "Nothing more will come.")
         except DecoderError as error:
-            self._end(str(error))
+            self._set(ENDED, str(error))
         except Exception as error:
-            self._end(f"The laboratory failed: {type(error).__name__}: {error}")
+            self._set(ENDED, f"The laboratory failed: {type(error).__name__}: {error}")
             raise
         finally:
             self._free()
@@ -529,12 +494,3 @@ class Source:
             self._happened(why)
         with self._changed:
             self._changed.notify_all()
-
-    def _end(self, why: str) -> None:
-        self._set(ENDED, why)
-
-
-def _rate(times: Any) -> float:
-    return (
-        float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 and times[-1] > times[0] else 0.0
-    )

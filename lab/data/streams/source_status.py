@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
 
 from lab.data.protocols.decoder import Statistics
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.reception import Loss
+from lab.data.streams.ring import Read
 
 OPENING, STREAMING, STALE, LOST, ENDED = "opening", "streaming", "stale", "lost", "ended"
 """States of a source."""
+MEASURED = 2.0
+"""Time over which rate, jitter and latency are measured [s]."""
+LEAST_SAMPLES = 3
+"""Fewest samples of which a delay and its spread are reported."""
+MEASURED_FIXES = 10.0
+"""Time over which the rate of the fixes is measured [s]: most receivers send one a second."""
 
 
 @dataclass(frozen=True)
@@ -108,3 +118,20 @@ class Status:
     doubt: tuple[str, ...] = ()
     question: str = ""
     last_lines: tuple[str, ...] = ()
+
+
+def rates_of(read: Read, now: float) -> tuple[float, float, float, float]:
+    """Return rates of the samples and fixes [Hz], jitter and latency [s] of what was read until now [s]."""
+    imu = read.imu[read.imu["arrival"] > now - MEASURED]
+    fix = read.fix[read.fix["arrival"] > now - MEASURED_FIXES]
+    rate, fix_rate = _rate(imu["time"]), _rate(fix["time"])
+    if len(imu) < LEAST_SAMPLES:
+        return rate, fix_rate, float("nan"), float("nan")
+    delay = imu["arrival"] - imu["time"]
+    return rate, fix_rate, float(np.diff(imu["arrival"]).std()), float(np.median(delay) - delay.min())
+
+
+def _rate(times: Any) -> float:
+    return (
+        float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 and times[-1] > times[0] else 0.0
+    )

@@ -28,6 +28,7 @@ from lab.navigation.alignment.initial_heading import (
     by_magnetometer,
     by_velocity,
     contradict,
+    mean_turned,
     shows_course,
     surest,
 )
@@ -236,31 +237,6 @@ def antenna(q_nb: FloatArray, arm: FloatArray, rate: FloatArray) -> tuple[FloatA
     """
     C_nb = Rotation.from_quat(q_nb, scalar_first=True).as_matrix()
     return C_nb @ arm, C_nb @ np.cross(rate, arm)
-
-
-def mean_turned(vector_n: FloatArray, force_n: FloatArray, sigma: float) -> FloatArray:
-    """Return the mean (3,) of a vector that is fixed to the vehicle, over the errors of its heading, in n.
-
-    A vehicle that was levelled by a specific force is turned about this force if its heading is wrong. The
-    mean of cos ψ is exp(−σ²/2): of an arm with an unknown heading at rest, the vertical part remains.
-
-    Parameters
-    ----------
-    vector_n : (3,) array
-        The vector, with the heading found.
-    force_n : (3,) array
-        The specific force, in any unit.
-    sigma
-        σ of the heading [rad].
-    """
-    axis = about(force_n)
-    along = axis * (axis @ vector_n) / (axis @ axis)
-    return np.asarray(along + np.exp(-(sigma**2) * (axis @ axis) / 2) * (vector_n - along))
-
-
-def about(force_n: FloatArray) -> FloatArray:
-    """Return the attitude error (3,) of one radian of heading, after levelling by a specific force in n."""
-    return np.asarray(force_n / force_n[2])
 
 
 def _unsteadiness(imu: Imu, rest: float, assumed: Belief) -> float:

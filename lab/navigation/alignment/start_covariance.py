@@ -24,7 +24,8 @@ from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import skew
-from lab.navigation.alignment.alignment import Alignment, about, antenna, mean_turned
+from lab.navigation.alignment.alignment import Alignment, antenna
+from lab.navigation.alignment.initial_heading import about, mean_turned
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.settings import NavigatorSettings

@@ -12,7 +12,7 @@ variances and covariance in the update, as the parameters of Schmidt's filter do
 other states remain, so that nothing is lost once the vehicle turns or accelerates.
 
 The backward pass of a smoother is that of optimal updates. So a smoother finds such fixes in a first pass; in
-a second one, its F has no heading before them (`observation.straighten`).
+a second one, its F has no heading before them (`held_heading.straighten`).
 
 References
 ----------

@@ -33,7 +33,7 @@ from lab.navigation.filters.error_models import ATT, PHI, ErrorModel, write_f
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.heading_observability import LINEAR
-from lab.navigation.filters.observation import straighten
+from lab.navigation.filters.held_heading import straighten
 from lab.navigation.filters.prediction import predict
 from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.filters.wander_models import linear_model

@@ -21,6 +21,7 @@ from lab.navigation.filters.heading_observability import (
     take_covariance,
     write_directions,
 )
+from lab.navigation.filters.held_heading import in_body
 from lab.navigation.filters.kalman import (
     MEASUREMENTS,
     RECOVERED,
@@ -31,7 +32,7 @@ from lab.navigation.filters.kalman import (
     predict_fix,
     weight,
 )
-from lab.navigation.filters.observation import felt_by_gyro, in_body, see_latency
+from lab.navigation.filters.observation import felt_by_gyro, see_latency
 from lab.navigation.filters.schedule import Schedule
 from lab.navigation.filters.sigma_points import displace, transport
 from lab.navigation.filters.unscented_filter import (

@@ -15,9 +15,10 @@ from lab.navigation import strapdown
 from lab.navigation.filters.correction import correct, corrected, corrections, has_estimate
 from lab.navigation.filters.error_models import ErrorModel, write_f
 from lab.navigation.filters.filter import Filter
+from lab.navigation.filters.held_heading import straighten
 from lab.navigation.filters.kalman import RECOVERED, REJECTED
 from lab.navigation.filters.north_slaved import difference, leaves_frame
-from lab.navigation.filters.observation import observations, observe, observe_aid, observe_rest, straighten
+from lab.navigation.filters.observation import observations, observe, observe_aid, observe_rest
 from lab.navigation.filters.prediction import (
     add_noise,
     add_noise_in_body,
