@@ -14,7 +14,7 @@ from lab.cli.options import AsJson, Force, check_out
 from lab.cli.terminal import listed, paragraphs, table
 
 if TYPE_CHECKING:
-    from lab.experiment.receiver import ReceiverReport
+    from lab.experiment.receiver_report import ReceiverReport
 
 EXAMPLES = """\b
 Examples:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,7 +30,6 @@ from lab.analysis.receiver_errors import (
 )
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.plain_data import plain
 from lab.base.progress import Progress
 from lab.data.formats import reader_of
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT
@@ -40,6 +38,15 @@ from lab.data.streams.recorded_log import recorded_samples
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_file import called, is_log_file, opened
 from lab.experiment.log_result import LogResult
+from lab.experiment.receiver_report import (
+    ALL,
+    KindRow,
+    ReceiverReport,
+    advice_on,
+    metres,
+    sentence_of,
+    sentence_on_halves,
+)
 from lab.missions import LogMission, mission
 from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import C_nb_from_euler
@@ -55,8 +62,6 @@ KINDS = {
 ALONE, LESS = "the fixes alone", "the fixes less the motion that the IMU shows"
 """What the errors rest on: whichever makes the fixes of a log more likely. A filter that believes a wrong σ
 has a wrong attitude, with which the IMU shows a wrong motion."""
-ALL = "all"
-"""Kind of fixes whose receiver does not say it."""
 MOST = 5000
 """Most fixes that are used, the first ones: a minute of computing."""
 SHORTEST_LOG = 30.0
@@ -66,124 +71,10 @@ SIX = 6
 """Components of a fix, over which the gate of the filter tests the innovations."""
 GRAVITY = 9.8
 """Gravity along the down axis [m/s²]; what it lacks is a slow acceleration, which the fit has as a state."""
-FITS = (0.9, 1.1)
-"""NIS per component of the other half between which the sizes are confirmed."""
-HONEST = 1.5
-"""Ratio of the true σ to the claimed one, or its inverse, up to which a claim is called right."""
-ALLOWED = 1.05
-"""Largest growth of the error of withheld fixes with which the found sizes are recommended."""
 AXES = (("horizontal", slice(0, 2)), ("vertical", slice(2, 3)))
 """Names and axes that are fitted together."""
 SATELLITES = ((0, 5), (6, 8), (9, 12), (13, 99))
 """Numbers of satellites that are counted together: four make a fix, and open sky has nine or more."""
-
-
-class KindRow(NamedTuple):
-    """The errors of one kind of fixes along one axis.
-
-    Attributes
-    ----------
-    kind, axis : str
-        Kind of fixes; horizontal (each of two axes) or vertical.
-    fixes : int
-        Number of fixes.
-    claimed : float
-        Median of the σ that the receiver claims [m]; NaN if none.
-    white, slow, tau : float
-        σ of the white part [m], σ [m] and correlation time [s] of the slow part.
-    outliers : int
-        Number of outliers.
-    nis : float
-        Mean square of the second half's innovations in their σ, fitted on the first; NaN with fewer fixes
-        than `FEWEST` in each.
-    basis : str
-        What the figures rest on.
-    quarters : (float, float)
-        Smallest and largest of the same mean square in the quarters of the second half; NaN with fewer
-        components than `FEWEST` in one of them.
-    varies : bool
-        Whether the quarters differ beyond chance.
-    """
-
-    kind: str
-    axis: str
-    fixes: int
-    claimed: float
-    white: float
-    slow: float
-    tau: float
-    outliers: int
-    nis: float
-    basis: str
-    quarters: tuple[float, float] = (math.nan, math.nan)
-    varies: bool = False
-
-    @property
-    def sigma(self) -> float:
-        """σ of white and slow part together [m]."""
-        return math.hypot(self.white, self.slow)
-
-    @property
-    def times(self) -> float:
-        """The true σ over the claimed one; NaN if none is claimed."""
-        return self.sigma / self.claimed
-
-
-@dataclass(frozen=True)
-class ReceiverReport:
-    """What the fixes of a receiver are worth.
-
-    Attributes
-    ----------
-    source : str
-        The mission or file.
-    rows : tuple of KindRow
-        The errors by kind and axis.
-    velocity : (float, float)
-        Claimed and found σ of a velocity component [m/s]; NaN if unknown.
-    by_satellites : tuple
-        Number of satellites from and to, number of fixes, root mean square of their innovations in σ.
-    sentences : tuple of str
-        What the figures say, each with what it rests on.
-    experiment : Experiment or None
-        The log with the found sizes in the filter; None for fixes without an IMU.
-    before, after : float
-        Error of fixes withheld for 10 s with the filter as it was and with the found sizes [m]; NaN without
-        an IMU.
-    """
-
-    source: str
-    rows: tuple[KindRow, ...]
-    velocity: tuple[float, float]
-    by_satellites: tuple[tuple[int, int, int, float], ...]
-    sentences: tuple[str, ...]
-    experiment: Experiment | None
-    before: float
-    after: float
-
-    @property
-    def recommended(self) -> bool:
-        """Whether positions across outages are not worse with the found sizes."""
-        return self.after <= ALLOWED * self.before
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the report as plain data, which JSON can hold."""
-        found: dict[str, Any] = plain(
-            {
-                "source": self.source,
-                "rows": [
-                    {**row._asdict(), "sigma": row.sigma, "times_claimed": row.times} for row in self.rows
-                ],
-                "velocity_sigma_claimed": self.velocity[0],
-                "velocity_sigma": self.velocity[1],
-                "by_satellites": self.by_satellites,
-                "sentences": self.sentences,
-                "withheld_error_before_m": self.before,
-                "withheld_error_after_m": self.after,
-                "recommended": self.recommended if self.experiment is not None else None,
-            }
-        )
-        return found
 
 
 class _Fixes(NamedTuple):
@@ -385,14 +276,14 @@ def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverRe
     )
     velocity = level.errors.velocity * (VELOCITY_SIGMA if math.isnan(claimed) else claimed)
     changed, before, after = None, math.nan, math.nan
-    sentences = list(dict.fromkeys(_sentence(row) for row in rows))
+    sentences = list(dict.fromkeys(sentence_of(row) for row in rows))
     if fixes.result is not None:
         tell("withholding fixes", 0.8)
         changed = _changed(fixes.result.experiment, rows, level.errors.velocity, claimed)
         before, after = _across_outages(fixes.result, changed)
         sentences += _gates(fixes.result, changed, gate)
-        sentences.append(_advice(before, after))
-    sentences += [_halves(row) for row in rows if math.isfinite(row.nis)]
+        sentences.append(advice_on(before, after))
+    sentences += [sentence_on_halves(row) for row in rows if math.isfinite(row.nis)]
     if fixes.satellites.size == MOST:
         sentences.append(f"The first {MOST} fixes were used.")
     return ReceiverReport(
@@ -427,53 +318,6 @@ def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
         white = slow = tau = math.nan
     return KindRow(
         kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis, within, varies
-    )
-
-
-def _sentence(row: KindRow) -> str:
-    """Return what a row says, in one sentence, with what it rests on."""
-    which = f"{row.axis} position" + ("" if row.kind == ALL else f", {row.kind} fixes")
-    if math.isnan(row.white):
-        return f"{row.fixes} {row.kind} fixes are too few to show their errors: accepted are {FEWEST}."
-    parts = f"white {_metres(row.white)}"
-    if row.slow > 0:
-        parts += f" and slow {_metres(row.slow)} with a correlation time of {row.tau:.0f} s"
-    shown = f"({parts}; {row.fixes} fixes: {row.basis})"
-    if math.isnan(row.claimed):
-        return f"The receiver claims no σ for the {which}; its errors are {_metres(row.sigma)} {shown}."
-    claim = f"The receiver claims {_metres(row.claimed)} for the {which}, and its errors are"
-    if row.white > HONEST * row.claimed:
-        return (
-            f"{claim} {_metres(row.sigma)}: the claimed σ is {row.times:.3g} times too small, and a filter "
-            f"that believes it trusts the fixes too much {shown}."
-        )
-    if row.times > HONEST:
-        return (
-            f"{claim} {_metres(row.sigma)}, {row.times:.3g} times as large: a slow part comes on top of what "
-            f"it claims, which no R describes and a state of the filter does {shown}."
-        )
-    if row.times < 1 / HONEST:
-        return (
-            f"{claim} {_metres(row.sigma)} from fix to fix and over minutes, {1 / row.times:.3g} times less "
-            f"{shown}; errors that last longer than the log do not show."
-        )
-    return f"{claim} {_metres(row.sigma)} {shown}: the claim is right."
-
-
-def _halves(row: KindRow) -> str:
-    """Return how the sizes of the first half predict the second."""
-    said = "confirms them"
-    if not FITS[0] <= row.nis <= FITS[1]:
-        said = "does not confirm them"
-        if row.varies:
-            said += ": the errors change within minutes, as those of a receiver that filters its output do"
-        elif not math.isnan(row.quarters[0]):
-            said += ": the receiver changed from one half to the other"
-    low, high = row.quarters
-    within = "" if math.isnan(low) else f"; {low:.2f} to {high:.2f} in its quarters"
-    return (
-        f"Sizes found in the first half, judged by the second with its own motion ({row.axis}, {row.kind}): "
-        f"NIS per component {row.nis:.2f}, which {said} ({FITS[0]} to {FITS[1]} does{within})."
     )
 
 
@@ -530,20 +374,11 @@ def _gates(result: LogResult, changed: Experiment, gate: float) -> list[str]:
         level = math.sqrt(limit * float(np.median(np.maximum(S[:, 0, 0], S[:, 1, 1]))))
         down = math.sqrt(limit * float(np.median(S[:, 2, 2])))
         found.append(
-            f"With a gate of {gate:g} and {words}, a horizontal error below {_metres(level)}, or a vertical "
-            f"one below {_metres(down)}, passes (median S of the used fixes, χ² of six components); an error "
+            f"With a gate of {gate:g} and {words}, a horizontal error below {metres(level)}, or a vertical "
+            f"one below {metres(down)}, passes (median S of the used fixes, χ² of six components); an error "
             "that grows slowly passes at any size, since the filter follows it."
         )
     return found
-
-
-def _advice(before: float, after: float) -> str:
-    if not math.isfinite(before):
-        return "The log is too short for outages: whether the found sizes help is not known."
-    figures = f"fixes withheld for 10 s: error {before:.3g} m before, {after:.3g} m after"
-    if after <= ALLOWED * before:
-        return f"With the found sizes in the filter, positions across outages are not worse ({figures})."
-    return f"Do not use the found sizes in the filter: positions across outages are worse ({figures})."
 
 
 def _by_satellites(fixes: _Fixes, found: dict[str, _Axis]) -> tuple[tuple[int, int, int, float], ...]:
@@ -557,9 +392,3 @@ def _by_satellites(fixes: _Fixes, found: dict[str, _Axis]) -> tuple[tuple[int, i
         if (count := int(rows.sum())) and degrees[rows].sum() > 0:
             groups.append((low, high, count, float(np.sqrt(nis[rows].sum() / degrees[rows].sum()))))
     return tuple(groups)
-
-
-def _metres(value: float) -> str:
-    """Return a length in the unit that reads best."""
-    unit, scale = ("m", 1) if value >= 1 else ("cm", 100) if value >= 0.01 else ("mm", 1000)
-    return f"{scale * value:.2g} {unit}"

@@ -13,7 +13,8 @@ import tempfile
 from pathlib import Path
 
 from lab.base.files.mission_error import MissionError
-from lab.experiment.receiver import FITS, receiver
+from lab.experiment.receiver import receiver
+from lab.experiment.receiver_report import FITS
 from tests.benchmarks.numbers_matrix import mission_of
 
 RECEIVERS = (
