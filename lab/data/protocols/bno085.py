@@ -19,7 +19,6 @@ import math
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.base.parameters.units import TO_SI
@@ -27,7 +26,7 @@ from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import UNKNOWN, Vector
-from lab.data.protocols.sending import merged, vector, whole
+from lab.data.protocols.sending import FrameEncoder, vector, whole
 
 _SYNC = b"\xaa\xaa"
 _SIZE = 19  # bytes of a frame
@@ -105,8 +104,8 @@ def _turned(before: tuple[float, ...], after: tuple[float, ...], seconds: float)
     return [factor * value / seconds for value in turn]
 
 
-class Bno085Encoder:
-    """Writes samples, at most 100 a second; an `Encoder`. The protocol has no fixes."""
+class Bno085Encoder(FrameEncoder):
+    """Writes samples, at most 100 a second, with integrated rates. The protocol has no fixes."""
 
     name = "bno085"
 
@@ -114,11 +113,7 @@ class Bno085Encoder:
         self._attitude = Rotation.identity()
         self._time = self._sent = math.nan
 
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples, whose angular rates are integrated."""
-        return merged(imu, fix[:0], self._frame, lambda _: b"")
-
-    def _frame(self, row: np.void) -> bytes:
+    def _sample(self, row: np.void) -> bytes:
         time = float(row["time"])
         if math.isnan(self._time):
             self._time = time - INTERVAL

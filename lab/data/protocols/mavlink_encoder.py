@@ -16,7 +16,7 @@ from lab.base.arrays import FloatArray
 from lab.base.parameters.units import GAUSS
 from lab.data.protocols.mavlink import MISSING
 from lab.data.protocols.samples import NO_FIX
-from lab.data.protocols.sending import known, merged, microseconds, sent_fix, vector, whole
+from lab.data.protocols.sending import FrameEncoder, known, microseconds, sent_fix, vector, whole
 from lab.data.protocols.sent_solution import SentSolution
 
 HEARTBEAT_PERIOD = 1.0
@@ -28,8 +28,8 @@ _LARGEST_SINGLE = 3.4e38  # largest number in single precision, about
 _UNKNOWN = 65_535  # value of an unknown 16-bit field of GPS_RAW_INT
 
 
-class MavlinkEncoder:
-    """Writes samples and fixes of system 1; an `Encoder`. Single precision rounds samples.
+class MavlinkEncoder(FrameEncoder):
+    """Writes samples and fixes of system 1; NaN is sent as zero. Single precision rounds samples.
 
     Raises
     ------
@@ -42,10 +42,6 @@ class MavlinkEncoder:
     def __init__(self) -> None:
         self._link = _link_of_system_1()
         self._wheel: tuple[int, float, float] | None = None  # last time [µs], speed [m/s], distance [m]
-
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples and fixes in the order of their time; NaN is sent as zero."""
-        return merged(imu, fix, self._sample, self._fix)
 
     def encode_readings(self, reading: NDArray[np.void]) -> bytes:
         """Return headings in GPS2_RAW and speeds in WHEEL_DISTANCE, the distance of one wheel."""

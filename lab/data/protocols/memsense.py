@@ -17,13 +17,12 @@ import math
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
 from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
-from lab.data.protocols.sending import merged, vector, whole
+from lab.data.protocols.sending import FrameEncoder, vector, whole
 
 SIZE = 38  # bytes of a frame
 MESSAGE = 0x14  # kind of message with the samples
@@ -96,24 +95,19 @@ class Memsense(Framing):
         return True
 
 
-class MemsenseEncoder:
-    """Writes samples; an `Encoder`. The protocol has no fixes."""
+class MemsenseEncoder(FrameEncoder):
+    """Writes samples, rounded to counts that end at their range. The protocol has no fixes."""
 
     name = "memsense"
 
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples, which are rounded to counts and end at their range."""
-        return merged(imu, fix[:0], _frame, lambda _: b"")
-
-
-def _frame(row: np.void) -> bytes:
-    counts = [
-        *vector(row, "rate", _RATE), *vector(row, "force", _FORCE), *vector(row, "magnetic", _MAGNETIC)
-    ]  # fmt: skip
-    temperature = float(row["temperature"]) if math.isfinite(row["temperature"]) else _MIDDLE
-    counts += [(temperature - _MIDDLE) / _DEGREES_PER_COUNT] * 3
-    time = float(row["time"])
-    timer = round(time / TICK) % 2**16 if math.isfinite(time) else 0
-    frame = _START + bytes((0xFF, MESSAGE)) + _TIMER.pack(timer) + bytes(4)
-    frame += _NUMBERS.pack(*map(whole, counts))
-    return frame + bytes((sum8(frame),))
+    def _sample(self, row: np.void) -> bytes:
+        counts = [
+            *vector(row, "rate", _RATE), *vector(row, "force", _FORCE), *vector(row, "magnetic", _MAGNETIC)
+        ]  # fmt: skip
+        temperature = float(row["temperature"]) if math.isfinite(row["temperature"]) else _MIDDLE
+        counts += [(temperature - _MIDDLE) / _DEGREES_PER_COUNT] * 3
+        time = float(row["time"])
+        timer = round(time / TICK) % 2**16 if math.isfinite(time) else 0
+        frame = _START + bytes((0xFF, MESSAGE)) + _TIMER.pack(timer) + bytes(4)
+        frame += _NUMBERS.pack(*map(whole, counts))
+        return frame + bytes((sum8(frame),))

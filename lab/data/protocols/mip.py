@@ -14,11 +14,10 @@ import struct
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
 from lab.data.protocols.framing import MORE, NONE, Framing, fletcher16, passes_fletcher16
-from lab.data.protocols.nmea_encoder import headings
+from lab.data.protocols.nmea_encoder import HeadingEncoder
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import (
     FIX_2D,
@@ -31,7 +30,7 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.data.protocols.sending import merged, nanoseconds, sent_fix, vector
+from lab.data.protocols.sending import nanoseconds, sent_fix, vector
 
 SYNC = b"\x75\x65"
 SENSOR = 0x80  # set of the inertial data
@@ -175,47 +174,44 @@ def _week_time(fields: Fields) -> float:
     return next(found, NAN)
 
 
-class MipEncoder:
-    """Writes samples and fixes; an `Encoder`. The device's single precision rounds them."""
+class MipEncoder(HeadingEncoder):
+    """Writes samples and fixes; NaN is left out. The device's single precision rounds them."""
 
     name = "mip"
 
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples and fixes in the order of their time; NaN is left out."""
-        return merged(imu, fix, _sample, _fix)
+    def _sample(self, row: np.void) -> bytes:
+        fields = [(REFERENCE_TIME, struct.pack(">Q", nanoseconds(row["time"])))]
+        for kind, name, unit in (
+            (FORCE, "force", STANDARD_GRAVITY), (RATE, "rate", 1.0), (MAGNETIC, "magnetic", GAUSS),
+        ):  # fmt: skip
+            if np.isfinite(row[name]).all():
+                fields.append((kind, struct.pack(">3f", *vector(row, name, unit))))
+        if math.isfinite(row["pressure"]):
+            fields.append((PRESSURE, struct.pack(">f", row["pressure"] / MILLIBAR)))
+        return _packet(SENSOR, fields)
 
-    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
-        """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
-        return headings(reading)
-
-
-def _sample(row: np.void) -> bytes:
-    fields = [(REFERENCE_TIME, struct.pack(">Q", nanoseconds(row["time"])))]
-    for kind, name, unit in (
-        (FORCE, "force", STANDARD_GRAVITY), (RATE, "rate", 1.0), (MAGNETIC, "magnetic", GAUSS),
-    ):  # fmt: skip
-        if np.isfinite(row[name]).all():
-            fields.append((kind, struct.pack(">3f", *vector(row, name, unit))))
-    if math.isfinite(row["pressure"]):
-        fields.append((PRESSURE, struct.pack(">f", row["pressure"] / MILLIBAR)))
-    return _packet(SENSOR, fields)
-
-
-def _fix(row: np.void) -> bytes:
-    fix = sent_fix(row)
-    valid = _ALL if fix.kind > NO_FIX else 0
-    place = (fix.latitude, fix.longitude, fix.height, fix.height, fix.horizontal_sigma, fix.vertical_sigma)
-    speeds = (math.hypot(*fix.velocity_n), fix.speed, fix.course, fix.speed_sigma, 0.0)
-    return _packet(
-        GNSS[0],
-        [
-            (REFERENCE_TIME, struct.pack(">Q", nanoseconds(row["time"]))),
-            (GNSS_TIME, struct.pack(">dHH", fix.week_time, 0, 1)),
-            (FIX_INFO, struct.pack(">BBHH", _FIX_NUMBERS.get(fix.kind, _NONE), fix.satellites, 0, 7)),
-            (PLACE, struct.pack(">4d2fH", *place, valid)),
-            (VELOCITY, struct.pack(">8fH", *fix.velocity_n, *speeds, valid)),
-        ],
-    )
+    def _fix(self, row: np.void) -> bytes:
+        fix = sent_fix(row)
+        valid = _ALL if fix.kind > NO_FIX else 0
+        place = (
+            fix.latitude,
+            fix.longitude,
+            fix.height,
+            fix.height,
+            fix.horizontal_sigma,
+            fix.vertical_sigma,
+        )
+        speeds = (math.hypot(*fix.velocity_n), fix.speed, fix.course, fix.speed_sigma, 0.0)
+        return _packet(
+            GNSS[0],
+            [
+                (REFERENCE_TIME, struct.pack(">Q", nanoseconds(row["time"]))),
+                (GNSS_TIME, struct.pack(">dHH", fix.week_time, 0, 1)),
+                (FIX_INFO, struct.pack(">BBHH", _FIX_NUMBERS.get(fix.kind, _NONE), fix.satellites, 0, 7)),
+                (PLACE, struct.pack(">4d2fH", *place, valid)),
+                (VELOCITY, struct.pack(">8fH", *fix.velocity_n, *speeds, valid)),
+            ],
+        )
 
 
 def _packet(descriptors: int, fields: list[tuple[int, bytes]]) -> bytes:

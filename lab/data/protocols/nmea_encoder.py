@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lab.base.parameters.units import KNOT
 from lab.data.protocols.framing import xor8
 from lab.data.protocols.samples import FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
-from lab.data.protocols.sending import merged, sent_fix
+from lab.data.protocols.sending import FrameEncoder, sent_fix
 from lab.data.protocols.sent_solution import SentSolution
 
 _QUALITIES = {FIX_DIFFERENTIAL: 2, FIX_RTK: 4, FIX_RTK_FLOAT: 5}  # quality of GGA; 1 is any other fix
@@ -31,30 +31,49 @@ _DECIMALS = 5  # of minutes of a solution: 2 cm, and GGA has no room for more
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)  # zero of the time of a fix
 
 
-class NmeaEncoder:
-    """Writes fixes; an `Encoder`. The protocol has no samples, and no vertical velocity."""
+class HeadingEncoder(FrameEncoder):
+    """A `FrameEncoder` that sends headings as receivers with two antennas and compasses do, and no speeds."""
+
+    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
+        """Return headings as sentences HDT.
+
+        Parameters
+        ----------
+        reading : (k,) array of `lab.data.protocols.samples.READING`
+            Readings; those without a heading are left out.
+        """
+        shown = reading["heading"][np.isfinite(reading["heading"])]
+        return b"".join(_checked(f"GNHDT,{_bearing(math.degrees(one), 4)},T") for one in shown.tolist())
+
+
+class NmeaEncoder(HeadingEncoder):
+    """Writes fixes; the protocol has no samples, and no vertical velocity.
+
+    Positions are sent to 1e-7 minutes; the height in GGA is above the ellipsoid.
+    """
 
     name = "nmea"
 
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the sentences of fixes: positions to 1e-7 minutes, the height above the ellipsoid in GGA."""
-        return merged(imu[:0], fix, lambda _: b"", _sentences)
-
-    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
-        """Return the sentences of headings; the protocol has no speeds of an odometer."""
-        return headings(reading)
-
-
-def headings(reading: NDArray[np.void]) -> bytes:
-    """Return headings as sentences HDT, as receivers with two antennas and compasses send them.
-
-    Parameters
-    ----------
-    reading : (k,) array of `lab.data.protocols.samples.READING`
-        Readings; those without a heading are left out.
-    """
-    shown = reading["heading"][np.isfinite(reading["heading"])]
-    return b"".join(_checked(f"GNHDT,{_bearing(math.degrees(one), 4)},T") for one in shown.tolist())
+    def _fix(self, row: np.void) -> bytes:
+        fix = sent_fix(row)
+        seconds = fix.utc if math.isfinite(fix.utc) else fix.week_time
+        now = _EPOCH + timedelta(milliseconds=round(1e3 * seconds))
+        clock = f"{now:%H%M%S}.{now.microsecond // 1000:03d}"
+        if fix.kind <= NO_FIX:
+            return _checked(f"GNRMC,{clock},V,,,,,,,{now:%d%m%y},,,N") + _checked(
+                f"GNGGA,{clock},,,,,0,00,,,M,,M,,"
+            )
+        place = f"{_angle(fix.latitude, 2, 'NS')},{_angle(fix.longitude, 3, 'EW')}"
+        geoid = "" if row["sea_level"] else "0.0"
+        quality = _QUALITIES.get(fix.kind, 1)
+        text = _checked(f"GNRMC,{clock},A,{place},{fix.speed / KNOT:.5f},{fix.course:.5f},{now:%d%m%y},,,A")
+        text += _checked(
+            f"GNGGA,{clock},{place},{quality},{fix.satellites:02d},1.0,{fix.height:.4f},M,{geoid},M,,"
+        )
+        if math.isfinite(row["horizontal_sigma"]):
+            level = f"{fix.horizontal_sigma:.4f}"
+            text += _checked(f"GNGST,{clock},,,,,{level},{level},{fix.vertical_sigma:.4f}")
+        return text
 
 
 def sentences_of(solution: SentSolution, talker: str = TALKER) -> bytes:
@@ -105,28 +124,6 @@ def _field(value: float, decimals: int, largest: float) -> str:
 def _bearing(degrees: float, decimals: int) -> str:
     """Return an angle from 0 up to, not including, 360°, also after rounding."""
     return f"{round(degrees % 360, decimals) % 360:.{decimals}f}"
-
-
-def _sentences(row: np.void) -> bytes:
-    fix = sent_fix(row)
-    seconds = fix.utc if math.isfinite(fix.utc) else fix.week_time
-    now = _EPOCH + timedelta(milliseconds=round(1e3 * seconds))
-    clock = f"{now:%H%M%S}.{now.microsecond // 1000:03d}"
-    if fix.kind <= NO_FIX:
-        return _checked(f"GNRMC,{clock},V,,,,,,,{now:%d%m%y},,,N") + _checked(
-            f"GNGGA,{clock},,,,,0,00,,,M,,M,,"
-        )
-    place = f"{_angle(fix.latitude, 2, 'NS')},{_angle(fix.longitude, 3, 'EW')}"
-    geoid = "" if row["sea_level"] else "0.0"
-    quality = _QUALITIES.get(fix.kind, 1)
-    text = _checked(f"GNRMC,{clock},A,{place},{fix.speed / KNOT:.5f},{fix.course:.5f},{now:%d%m%y},,,A")
-    text += _checked(
-        f"GNGGA,{clock},{place},{quality},{fix.satellites:02d},1.0,{fix.height:.4f},M,{geoid},M,,"
-    )
-    if math.isfinite(row["horizontal_sigma"]):
-        level = f"{fix.horizontal_sigma:.4f}"
-        text += _checked(f"GNGST,{clock},,,,,{level},{level},{fix.vertical_sigma:.4f}")
-    return text
 
 
 def _angle(degrees: float, width: int, sides: str, decimals: int = 7) -> str:

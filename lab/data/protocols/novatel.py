@@ -23,7 +23,6 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.parameters.units import DEGREE, FOOT, STANDARD_GRAVITY, TO_SI, WEEK
 from lab.data.protocols.framing import MORE, NONE, Framing
@@ -38,7 +37,7 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.data.protocols.sending import MOST_SATELLITES, merged, sent_fix, vector, whole
+from lab.data.protocols.sending import MOST_SATELLITES, FrameEncoder, sent_fix, vector, whole
 
 _LONG, _SHORT = b"\xaaD\x12", b"\xaaD\x13"
 """Sync of binary messages."""
@@ -296,17 +295,13 @@ def _time(week: float, seconds: float) -> float:
     return week * WEEK + seconds if 0 <= week < _WEEKS and 0 <= seconds <= WEEK else NAN
 
 
-class NovAtelEncoder:
-    """Writes samples in RAWIMUSX, and fixes in BESTPOS and BESTVEL; an `Encoder`."""
+class NovAtelEncoder(FrameEncoder):
+    """Writes samples in RAWIMUSX, and fixes in BESTPOS and BESTVEL; NaN is sent as zero."""
 
     name = "novatel"
 
     def __init__(self) -> None:
         self._last = NAN
-
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples and fixes in the order of their time; NaN is sent as zero."""
-        return merged(imu, fix, self._sample, _fix)
 
     def _sample(self, row: np.void) -> bytes:
         time = float(row["time"])
@@ -319,44 +314,45 @@ class NovAtelEncoder:
         head = struct.pack("<BHHI", len(body), 1462, int(week), round(1e3 * seconds))
         return _summed(_SHORT + head + body)
 
-
-def _fix(row: np.void) -> bytes:
-    fix = sent_fix(row)
-    kind = next((number for number, known in _KINDS.items() if known == fix.kind), 16)
-    state, kind = (0, int(kind)) if fix.kind > NO_FIX else (1, 0)
-    week, seconds = divmod(max(float(row["time"]), 0.0), WEEK) if math.isfinite(row["time"]) else (0.0, 0.0)
-    place = (fix.latitude, fix.longitude, fix.height, 0.0, 61)
-    sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma)
-    bodies = {
-        42: _MESSAGES["BESTPOS"].fields.pack(
-            state, kind, *place, *sigma, b"", 0.0, 0.0, fix.satellites, fix.satellites
-        ).ljust(72, b"\0"),
-        99: _MESSAGES["BESTVEL"].fields.pack(
-            state, kind, 0.0, 0.0, fix.speed, fix.course, -fix.velocity_n[2]
-        ).ljust(44, b"\0"),
-    }  # fmt: skip
-    return b"".join(
-        _summed(
-            _LONG_HEADER.pack(
-                _LONG,
-                _LONG_HEAD,
-                number,
-                0,
-                32,
-                len(body),
-                0,
-                0,
-                180,
-                int(week),
-                round(1e3 * seconds),
-                0,
-                0,
-                0,
-            )
-            + body
+    def _fix(self, row: np.void) -> bytes:
+        fix = sent_fix(row)
+        kind = next((number for number, known in _KINDS.items() if known == fix.kind), 16)
+        state, kind = (0, int(kind)) if fix.kind > NO_FIX else (1, 0)
+        week, seconds = (
+            divmod(max(float(row["time"]), 0.0), WEEK) if math.isfinite(row["time"]) else (0.0, 0.0)
         )
-        for number, body in bodies.items()
-    )
+        place = (fix.latitude, fix.longitude, fix.height, 0.0, 61)
+        sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma)
+        bodies = {
+            42: _MESSAGES["BESTPOS"].fields.pack(
+                state, kind, *place, *sigma, b"", 0.0, 0.0, fix.satellites, fix.satellites
+            ).ljust(72, b"\0"),
+            99: _MESSAGES["BESTVEL"].fields.pack(
+                state, kind, 0.0, 0.0, fix.speed, fix.course, -fix.velocity_n[2]
+            ).ljust(44, b"\0"),
+        }  # fmt: skip
+        return b"".join(
+            _summed(
+                _LONG_HEADER.pack(
+                    _LONG,
+                    _LONG_HEAD,
+                    number,
+                    0,
+                    32,
+                    len(body),
+                    0,
+                    0,
+                    180,
+                    int(week),
+                    round(1e3 * seconds),
+                    0,
+                    0,
+                    0,
+                )
+                + body
+            )
+            for number, body in bodies.items()
+        )
 
 
 def _summed(message: bytes) -> bytes:

@@ -18,7 +18,6 @@ import math
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.parameters.units import DEGREE, WEEK
 from lab.data.protocols.framing import MORE, NONE, Framing, crc16_xmodem
@@ -34,7 +33,7 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.data.protocols.sending import merged, sent_fix
+from lab.data.protocols.sending import FrameEncoder, sent_fix
 from lab.motion.frames import ecef
 
 SYNC = b"$@"
@@ -166,34 +165,31 @@ def _accuracy(count: int) -> float:
     return count * _CENTIMETRE / _TWO_SIGMA if count != _NO_ACCURACY else NAN
 
 
-class SbfEncoder:
-    """Writes fixes as PVTGeodetic; an `Encoder`. Samples of an IMU are not sent."""
+class SbfEncoder(FrameEncoder):
+    """Writes fixes as PVTGeodetic; what is not known is sent as the protocol says. It has no samples."""
 
     name = "septentrio"
 
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of fixes; what is not known is sent as the protocol says."""
-        return merged(imu[:0], fix, lambda _: b"", _fix)
-
-
-def _fix(row: np.void) -> bytes:
-    fix = sent_fix(row)
-    modes = {kind: mode for mode, kind in reversed(_KINDS.items())}
-    mode = modes.get(fix.kind, 0 if fix.kind <= NO_FIX else 1) | (_IS_2D if fix.kind == FIX_2D else 0)
-    week, seconds = divmod(float(row["time"]), WEEK) if math.isfinite(row["time"]) else (0.0, 0.0)
-    place = [row[name] for name in ("latitude", "longitude", "height")]
-    numbers = [float(one) if math.isfinite(one) else _UNKNOWN for one in (*place, 0.0, *row["velocity_n"])]
-    if numbers[-1] != _UNKNOWN:
-        numbers[-1] = -numbers[-1]
-    body = _PVT.pack(
-        round(seconds / _MILLISECOND), int(week) % _NO_WEEK, mode, 0 if mode else 1, *numbers, _UNKNOWN, 0.0,
-        0.0, 0, 0, fix.satellites, 0, 0, 0, 0,
-    )  # fmt: skip
-    horizontal, vertical = (
-        min(round(_TWO_SIGMA * one / _CENTIMETRE), _NO_ACCURACY - 1) if one > 0 else _NO_ACCURACY
-        for one in (fix.horizontal_sigma * math.sqrt(2), fix.vertical_sigma)
-    )
-    body += _QUALITY.pack(0, 0, 0, 0, horizontal, vertical, 0)
-    size = -(-(_HEAD + len(body)) // _STEP) * _STEP
-    rest = struct.pack("<2H", _GEODETIC | 2 << 13, size) + body.ljust(size - _HEAD, b"\0")
-    return SYNC + crc16_xmodem(rest).to_bytes(2, "little") + rest
+    def _fix(self, row: np.void) -> bytes:
+        fix = sent_fix(row)
+        modes = {kind: mode for mode, kind in reversed(_KINDS.items())}
+        mode = modes.get(fix.kind, 0 if fix.kind <= NO_FIX else 1) | (_IS_2D if fix.kind == FIX_2D else 0)
+        week, seconds = divmod(float(row["time"]), WEEK) if math.isfinite(row["time"]) else (0.0, 0.0)
+        place = [row[name] for name in ("latitude", "longitude", "height")]
+        numbers = [
+            float(one) if math.isfinite(one) else _UNKNOWN for one in (*place, 0.0, *row["velocity_n"])
+        ]
+        if numbers[-1] != _UNKNOWN:
+            numbers[-1] = -numbers[-1]
+        body = _PVT.pack(
+            round(seconds / _MILLISECOND), int(week) % _NO_WEEK, mode, 0 if mode else 1, *numbers, _UNKNOWN,
+            0.0, 0.0, 0, 0, fix.satellites, 0, 0, 0, 0,
+        )  # fmt: skip
+        horizontal, vertical = (
+            min(round(_TWO_SIGMA * one / _CENTIMETRE), _NO_ACCURACY - 1) if one > 0 else _NO_ACCURACY
+            for one in (fix.horizontal_sigma * math.sqrt(2), fix.vertical_sigma)
+        )
+        body += _QUALITY.pack(0, 0, 0, 0, horizontal, vertical, 0)
+        size = -(-(_HEAD + len(body)) // _STEP) * _STEP
+        rest = struct.pack("<2H", _GEODETIC | 2 << 13, size) + body.ljust(size - _HEAD, b"\0")
+        return SYNC + crc16_xmodem(rest).to_bytes(2, "little") + rest

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Write = Callable[[np.void], bytes]
 MOST_SATELLITES = 254
 """Largest number of satellites that is sent: MAVLink has 255 for an unknown one."""
 
@@ -98,24 +96,33 @@ def whole(value: float, bits: int = 16) -> int:
     return round(min(max(value, -largest), largest - 1))
 
 
-def merged(imu: NDArray[np.void], fix: NDArray[np.void], sample: Write, place: Write) -> bytes:
-    """Return the frames of samples and fixes, each fix after the last sample that is not later.
+class FrameEncoder:
+    """An `Encoder` that sends a frame for each sample and each fix, or none where the protocol has none."""
 
-    Parameters
-    ----------
-    imu : (n,) array of `lab.data.protocols.samples.IMU`
-        Samples, in order.
-    fix : (m,) array of `lab.data.protocols.samples.FIX`
-        Fixes, in order. Those without a time follow all samples.
-    sample, place
-        Return the frame of a sample, and of a fix.
-    """
-    after = np.searchsorted(imu["time"], fix["time"], side="right") if len(imu) else np.zeros(len(fix), int)
-    frames = []
-    begin = 0
-    for number, end in enumerate(after.tolist()):
-        frames += [sample(row) for row in imu[begin:end]]
-        frames.append(place(fix[number]))
-        begin = max(begin, end)
-    frames += [sample(row) for row in imu[begin:]]
-    return b"".join(frames)
+    def _sample(self, row: np.void) -> bytes:
+        return b""
+
+    def _fix(self, row: np.void) -> bytes:
+        return b""
+
+    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
+        """Return the frames of samples and fixes, each fix after the last sample that is not later.
+
+        Parameters
+        ----------
+        imu : (n,) array of `lab.data.protocols.samples.IMU`
+            Samples, in order.
+        fix : (m,) array of `lab.data.protocols.samples.FIX`
+            Fixes, in order. Those without a time follow all samples.
+        """
+        after = (
+            np.searchsorted(imu["time"], fix["time"], side="right") if len(imu) else np.zeros(len(fix), int)
+        )
+        frames = []
+        begin = 0
+        for number, end in enumerate(after.tolist()):
+            frames += [self._sample(row) for row in imu[begin:end]]
+            frames.append(self._fix(fix[number]))
+            begin = max(begin, end)
+        frames += [self._sample(row) for row in imu[begin:]]
+        return b"".join(frames)

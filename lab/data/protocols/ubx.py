@@ -36,7 +36,7 @@ from lab.data.protocols.framing import MORE, NONE, Framing, fletcher16, passes_f
 from lab.data.protocols.pvt import WORST, Pvt, fix_type
 from lab.data.protocols.rows import LARGEST_HEIGHT, Rows
 from lab.data.protocols.samples import FIX_3D, NAN, NO_FIX, UNKNOWN, UNMEASURED, Vector
-from lab.data.protocols.sending import known, merged, vector
+from lab.data.protocols.sending import FrameEncoder, known, vector
 from lab.motion.frames import ecef
 
 SYNC = b"\xb5\x62"
@@ -332,18 +332,22 @@ def _signed(value: int) -> int:
     return value - 0x1000000 if value & 0x800000 else value
 
 
-class UbloxEncoder:
-    """Writes samples in ESF-RAW, and fixes; an `Encoder`."""
+class UbloxEncoder(FrameEncoder):
+    """Writes samples in ESF-RAW, rounded to the device's units, and fixes."""
 
     name = "ublox"
-
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples, which are rounded to the device's units, and of fixes."""
-        return merged(imu, fix, _raw, _pvt)
 
     def encode_readings(self, reading: NDArray[np.void]) -> bytes:
         """Return the messages of headings and speeds."""
         return b"".join(map(_reading, reading))
+
+    def _sample(self, row: np.void) -> bytes:
+        tag = _ticks(row["time"], RAW_TICK, 2**24)
+        pairs = b"".join(struct.pack("<II", kind << 24 | one, tag) for kind, one in _counts(row).items())
+        return _message(ESF_RAW, bytes(4) + pairs)
+
+    def _fix(self, row: np.void) -> bytes:
+        return _message(NAV_PVT, PVT.written(row).ljust(_PVT_SIZE, b"\0"))
 
 
 def _message(kind: bytes, payload: bytes) -> bytes:
@@ -367,12 +371,6 @@ def _ticks(time: float, tick: float, modulus: int) -> int:
     return round(float(time) / tick) % modulus if math.isfinite(time) else 0
 
 
-def _raw(row: np.void) -> bytes:
-    tag = _ticks(row["time"], RAW_TICK, 2**24)
-    pairs = b"".join(struct.pack("<II", kind << 24 | one, tag) for kind, one in _counts(row).items())
-    return _message(ESF_RAW, bytes(4) + pairs)
-
-
 def _reading(row: np.void) -> bytes:
     messages = b""
     if math.isfinite(row["heading"]):
@@ -385,7 +383,3 @@ def _reading(row: np.void) -> bytes:
         tag = _ticks(row["time"], MEAS_TICK, 2**32)
         messages += _message(ESF_MEAS, struct.pack("<IHHI", tag, 1 << COUNT_FROM, 0, word))
     return messages
-
-
-def _pvt(row: np.void) -> bytes:
-    return _message(NAV_PVT, PVT.written(row).ljust(_PVT_SIZE, b"\0"))

@@ -25,12 +25,11 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.parameters.units import GAUSS
 from lab.data.protocols.device_time import utc_seconds
 from lab.data.protocols.framing import MORE, NONE, Framing, crc16_xmodem, xor8
-from lab.data.protocols.nmea_encoder import headings
+from lab.data.protocols.nmea_encoder import HeadingEncoder
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import (
     CLIPPED_FORCE,
@@ -46,7 +45,7 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.data.protocols.sending import known, merged, nanoseconds, sent_fix, vector
+from lab.data.protocols.sending import known, nanoseconds, sent_fix, vector
 
 COMMON, TIME, IMU_GROUP, GPS = range(4)
 """Groups with fields that are read, by their bit in the second byte of a message."""
@@ -363,37 +362,27 @@ def _add_fix(cells: list[float], end: int, rows: Rows) -> None:
     )
 
 
-class VectorNavEncoder:
-    """Writes binary messages; an `Encoder`. The device's single precision rounds samples."""
+class VectorNavEncoder(HeadingEncoder):
+    """Writes binary messages; NaN is sent as zero. The device's single precision rounds samples."""
 
     name = "vectornav"
 
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples and fixes in the order of their time; NaN is sent as zero."""
-        return merged(imu, fix, _binary_sample, _binary_fix)
+    def _sample(self, row: np.void) -> bytes:
+        temperature, pressure = known(row, "temperature", "pressure")
+        sensed = (*vector(row, "force"), *vector(row, "rate"), *vector(row, "magnetic", GAUSS))
+        fields = 1 << 0 | 1 << 9 | 1 << 10
+        time = nanoseconds(row["time"])
+        return _summed(_SAMPLE.pack(_SYNC, 1, fields, time, *sensed, temperature, pressure / _KILOPASCAL))
 
-    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
-        """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
-        return headings(reading)
+    def _fix(self, row: np.void) -> bytes:
+        fix = sent_fix(row)
+        place = (fix.latitude, fix.longitude, fix.height)
+        sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma, fix.speed_sigma)
+        fields = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 7 | 1 << 9 | 1 << 10
+        head = (_SYNC, 1 | 1 << 3, 1, fields, nanoseconds(row["time"]), nanoseconds(row["week_time"]))
+        kind = _FIX_NUMBERS.get(fix.kind, 0)
+        return _summed(_FIX.pack(*head, fix.satellites, kind, *place, *fix.velocity_n, *sigma))
 
 
 def _summed(message: bytes) -> bytes:
     return message + crc16_xmodem(message[1:]).to_bytes(2, "big")
-
-
-def _binary_sample(row: np.void) -> bytes:
-    temperature, pressure = known(row, "temperature", "pressure")
-    sensed = (*vector(row, "force"), *vector(row, "rate"), *vector(row, "magnetic", GAUSS))
-    fields = 1 << 0 | 1 << 9 | 1 << 10
-    time = nanoseconds(row["time"])
-    return _summed(_SAMPLE.pack(_SYNC, 1, fields, time, *sensed, temperature, pressure / _KILOPASCAL))
-
-
-def _binary_fix(row: np.void) -> bytes:
-    fix = sent_fix(row)
-    place = (fix.latitude, fix.longitude, fix.height)
-    sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma, fix.speed_sigma)
-    fields = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 7 | 1 << 9 | 1 << 10
-    head = (_SYNC, 1 | 1 << 3, 1, fields, nanoseconds(row["time"]), nanoseconds(row["week_time"]))
-    kind = _FIX_NUMBERS.get(fix.kind, 0)
-    return _summed(_FIX.pack(*head, fix.satellites, kind, *place, *fix.velocity_n, *sigma))

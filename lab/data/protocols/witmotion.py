@@ -20,14 +20,13 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.protocols.device_time import utc_seconds
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import NAN, UNKNOWN, Vector
-from lab.data.protocols.sending import merged, vector, whole
+from lab.data.protocols.sending import FrameEncoder, vector, whole
 
 _SYNC = 0x55  # first byte of a message
 _TIME, _FORCE, _RATE, _PRESSURE = 0x50, 0x51, 0x52, 0x56  # kinds that are read
@@ -116,14 +115,10 @@ def _scaled(counts: Sequence[int], unit: float) -> Vector:
     return [count * unit for count in counts]
 
 
-class WitMotionEncoder:
-    """Writes samples as accelerations and angular velocities; an `Encoder`. The protocol has no fixes."""
+class WitMotionEncoder(FrameEncoder):
+    """Writes samples, rounded to counts that end at their range. The protocol has no fixes."""
 
     name = "witmotion"
-
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples, which are rounded to counts and end at their range."""
-        return merged(imu, fix[:0], self._sample, lambda _: b"")
 
     def _sample(self, row: np.void) -> bytes:
         temperature = float(row["temperature"]) if math.isfinite(row["temperature"]) else 0.0

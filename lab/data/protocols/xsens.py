@@ -18,15 +18,14 @@ import math
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
-from lab.data.protocols.nmea_encoder import headings
+from lab.data.protocols.nmea_encoder import HeadingEncoder
 from lab.data.protocols.pvt import Pvt
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_MAGNETIC, CLIPPED_RATE, NAN, UNKNOWN, Vector
-from lab.data.protocols.sending import merged, microseconds
+from lab.data.protocols.sending import microseconds
 
 START = b"\xfa\xff\x36"
 """Preamble, bus identifier of a device by itself, MTData2."""
@@ -198,21 +197,13 @@ def _clipped(status: int) -> int:
     return (bits & 7) * CLIPPED_FORCE | (bits >> 3 & 7) * CLIPPED_RATE | (bits >> 6 & 7) * CLIPPED_MAGNETIC
 
 
-class XsensEncoder:
-    """Writes samples and fixes in single precision; an `Encoder`."""
+class XsensEncoder(HeadingEncoder):
+    """Writes samples and fixes in single precision; NaN is left out."""
 
     name = "xsens"
 
     def __init__(self) -> None:
         self._count = 0
-
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the bytes of samples and fixes in the order of their time; NaN is left out."""
-        return merged(imu, fix, self._sample, self._fix)
-
-    def encode_readings(self, reading: NDArray[np.void]) -> bytes:
-        """Return headings as the sentences of a receiver beside the device; it sends no speeds."""
-        return headings(reading)
 
     def _sample(self, row: np.void) -> bytes:
         items = self._head(row["time"])

@@ -16,7 +16,7 @@ from sent_solutions import POSITION, solution
 
 from lab.data.protocols.foxglove import CHANNELS, Conversation, messages_of
 from lab.data.protocols.mavlink_encoder import MavlinkSolution
-from lab.data.protocols.nmea_encoder import headings, sentences_of
+from lab.data.protocols.nmea_encoder import NmeaEncoder, sentences_of
 from lab.data.protocols.samples import READING
 from lab.data.protocols.sent_solution import json_line, row_of
 
@@ -159,7 +159,7 @@ def test_no_number_of_a_navigator_breaks_a_writer(
 def test_a_heading_just_below_north_is_zero_and_not_360() -> None:
     rows = np.zeros(1, READING)
     rows["heading"] = np.radians(359.99999)
-    assert headings(rows).startswith(b"$GNHDT,0.0000,T*")
+    assert NmeaEncoder().encode_readings(rows).startswith(b"$GNHDT,0.0000,T*")
 
 
 def messages(*solutions: Any) -> dict[str, Any]:
