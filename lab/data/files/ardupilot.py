@@ -85,8 +85,9 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         for name in ("XKF1", "NKF1", "EKF1")
     ]
     velocity = streams.first_usable((*filtered, _gps_velocity(gps)))
+    own = [_messages(times, name) for name in ("POS", "AHR2")]
     position = streams.first_usable(
-        (*(_position(times, name) for name in ("POS", "AHR2")), _gps_position(gps))
+        (*(Stream.of_place("position", one, _place(one)) for one in own), _gps_position(gps))
     )
     parameters = parameters_of(log)
     geoid = _geoid(times, parameters)
@@ -231,14 +232,6 @@ def _place(messages: Messages | None) -> FloatArray | None:
     return streams.place_of(messages, "Lat", "Lng", "Alt")
 
 
-def _position(times: MessageTimes, name: str) -> Stream | None:
-    messages = _messages(times, name)
-    place = _place(messages)
-    if messages is None or place is None:
-        return None
-    return Stream.of("position", messages[TIME], place, streams.is_position(place))
-
-
 def _geoid(times: MessageTimes, parameters: Mapping[str, float]) -> float | None:
     """Return the height of the geoid over the ellipsoid from the receiver [m]; None if it gives none.
 
@@ -262,10 +255,7 @@ def _fixed(gps: Messages) -> NDArray[np.bool_]:
 
 
 def _gps_position(gps: Messages | None) -> Stream | None:
-    place = _place(gps)
-    if gps is None or place is None:
-        return None
-    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & streams.is_position(place))
+    return Stream.of_place("GPS position", gps, _place(gps), None if gps is None else _fixed(gps))
 
 
 def _over_ground(gps: Messages) -> FloatArray | None:

@@ -8,7 +8,6 @@ course are read where a file has them (version 1.0, or Garmin's track point exte
 from __future__ import annotations
 
 import itertools
-import re
 from array import array
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -28,7 +27,6 @@ from lab.motion.frames import ecef
 
 NAME = "GPX"
 
-_ROOT = re.compile(rb"<(?:[A-Za-z]\w{0,30}:)?gpx[\s>]")
 _MAX_VEHICLE = 64
 """Letters kept of the type of a track."""
 _OF_A_POINT = frozenset(("ele", "time", "speed", "course"))
@@ -40,7 +38,7 @@ _MAX_PAUSE = 3600.0
 """Longest pause between segments of one track [s]."""
 
 
-recognises = partial(has_root, root=_ROOT)
+recognises = partial(has_root, root="gpx")
 """Return whether a file starts like GPX."""
 
 

@@ -10,7 +10,6 @@ Google, *KML Reference*, https://developers.google.com/kml/documentation/kmlrefe
 
 from __future__ import annotations
 
-import re
 from array import array
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -28,7 +27,6 @@ from lab.data.rebuild.raw_flight import Dropped, RawFlight
 
 NAME = "KML"
 
-_ROOT = re.compile(rb"<(?:[A-Za-z]\w{0,30}:)?kml[\s>]")
 _OVER_GROUND = ("relativeToGround", "relativeToSeaFloor")
 _DRAWN_ON_GROUND = ("", "clampToGround", "clampToSeaFloor")
 _MAX_NAMES, _MAX_NAME = 10, 40
@@ -36,7 +34,7 @@ _MAX_NAMES, _MAX_NAME = 10, 40
 _ACCEPTED = "accepted is KML with a track of times and places (gx:Track), or with points that have times"
 
 
-recognises = partial(has_root, root=_ROOT)
+recognises = partial(has_root, root="kml")
 """Return whether a file starts like KML."""
 
 

@@ -147,11 +147,7 @@ class _Messages:
 
     def position(self, what: str, name: str, valid: Flags | None = None) -> Stream | None:
         messages = self.messages(name)
-        place = _place(messages)
-        if messages is None or place is None:
-            return None
-        fine = streams.is_position(place) if valid is None else streams.is_position(place) & valid
-        return Stream.of(what, messages[TIME], place, fine)
+        return Stream.of_place(what, messages, _place(messages), valid)
 
     @property
     def fixed(self) -> Flags | None:

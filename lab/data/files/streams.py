@@ -106,6 +106,21 @@ class Stream:
         )
 
     @classmethod
+    def of_place(
+        cls,
+        what: str,
+        messages: Messages | None,
+        place: FloatArray | None,
+        valid: Flags | None = None,
+        counter: FloatArray | None = None,
+    ) -> Stream | None:
+        """Return the places (n, 3) of messages, where they are on the Earth; None without any."""
+        if messages is None or place is None:
+            return None
+        fine = is_position(place) if valid is None else is_position(place) & valid
+        return cls.of(what, messages[TIME], place, fine, counter)
+
+    @classmethod
     def of(
         cls,
         what: str,
@@ -250,14 +265,8 @@ def gps_delay(seconds: float) -> float:
     return seconds if 0 <= seconds <= MAX_GPS_DELAY else 0.0
 
 
-def believed_lever_arm(lever_arm: Sequence[float]) -> FloatArray:
-    """Return the lever arm (3,) that parameters give [m]; zero for one that is not believed."""
-    arm = np.array(lever_arm)
-    return arm if bool((np.abs(arm) <= MAX_LEVER_ARM).all()) else np.zeros(3)
-
-
 def lever_arm_of(parameters: Mapping[str, float], pairs: Sequence[tuple[str, str]]) -> FloatArray:
-    """Return the lever arm from the IMU to the antenna that parameters give [m].
+    """Return the lever arm (3,) from the IMU to the antenna that parameters give [m]; zero if it is huge.
 
     Parameters
     ----------
@@ -271,7 +280,8 @@ def lever_arm_of(parameters: Mapping[str, float], pairs: Sequence[tuple[str, str
             of_antenna, of_imu = (
                 np.array([parameters.get(f"{name}{axis}", 0.0) for axis in "XYZ"]) for name in (antenna, imu)
             )
-            return believed_lever_arm(of_antenna - of_imu)
+            arm = of_antenna - of_imu
+            return arm if (np.abs(arm) <= MAX_LEVER_ARM).all() else np.zeros(3)
     return np.zeros(3)
 
 

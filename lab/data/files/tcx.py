@@ -10,7 +10,6 @@ Garmin, *TrainingCenterDatabase v2*, https://www8.garmin.com/xmlschemas/Training
 
 from __future__ import annotations
 
-import re
 from array import array
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -26,11 +25,10 @@ from lab.data.rebuild.raw_flight import Dropped, RawFlight
 
 NAME = "TCX"
 
-_ROOT = re.compile(rb"<(?:[A-Za-z]\w{0,30}:)?TrainingCenterDatabase[\s>]")
 _OF_A_POINT = {"LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters"}
 
 
-recognises = partial(has_root, root=_ROOT)
+recognises = partial(has_root, root="TrainingCenterDatabase")
 """Return whether a file starts like TCX."""
 
 

@@ -71,7 +71,10 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     local, place = _topic(log, "vehicle_local_position"), _topic(log, "vehicle_global_position")
     gps = _gps(log)
     velocity = streams.first_usable((_local_velocity(local), _gps_velocity(gps)))
-    position = streams.first_usable((_global(place), _local_position(local), _gps_position(gps)))
+    values = _place(place, "lat", "lon", ("alt_ellipsoid", "alt"))
+    resets = _counter(place, "lat_lon_reset_counter", "alt_reset_counter")
+    own = Stream.of_place("global position", place, values, counter=resets)
+    position = streams.first_usable((own, _local_position(local), _gps_position(gps)))
     attitude = _topic(log, "vehicle_attitude", 4, "q")
     counter = _counter(attitude, "quat_reset_counter")
     quaternions = Stream.of_fields("attitude", attitude, "q", counter=counter)
@@ -192,14 +195,6 @@ def _local_velocity(local: Messages | None) -> Stream | None:
     return Stream.of_fields("local velocity", local, "vx", "vy", "vz", valid=valid, counter=counter)
 
 
-def _global(place: Messages | None) -> Stream | None:
-    values = _place(place, "lat", "lon", ("alt_ellipsoid", "alt"))
-    if place is None or values is None:
-        return None
-    counter = _counter(place, "lat_lon_reset_counter", "alt_reset_counter")
-    return Stream.of("global position", place[TIME], values, streams.is_position(values), counter)
-
-
 def _place(
     messages: Messages | None, latitude: str, longitude: str, heights: Sequence[str], angle: float = 1.0,
     length: float = 1.0,
@@ -217,14 +212,8 @@ def _local_position(local: Messages | None) -> Stream | None:
     if local is None or values is None:
         return None
     position = on_map(values[:, :3] * (np.radians(1.0), np.radians(1.0), 1.0), values[:, 3:])
-    valid = _valid(local, "xy_global")
-    return Stream.of(
-        "local position",
-        local[TIME],
-        position,
-        valid & streams.is_position(position),
-        _counter(local, "xy_reset_counter", "z_reset_counter"),
-    )
+    counter = _counter(local, "xy_reset_counter", "z_reset_counter")
+    return Stream.of_place("local position", local, position, _valid(local, "xy_global"), counter)
 
 
 def on_map(reference: FloatArray, offset: FloatArray) -> FloatArray:
@@ -268,10 +257,7 @@ def _gps_place(gps: Messages | None) -> FloatArray | None:
 
 
 def _gps_position(gps: Messages | None) -> Stream | None:
-    place = _gps_place(gps)
-    if gps is None or place is None:
-        return None
-    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & streams.is_position(place))
+    return Stream.of_place("GPS position", gps, _gps_place(gps), None if gps is None else _fixed(gps))
 
 
 def _gps_velocity(gps: Messages | None) -> Stream | None:

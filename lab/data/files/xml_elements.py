@@ -37,18 +37,20 @@ class Handler(Protocol):
         """Take the end of an element, with its text if it has no other elements in it."""
 
 
-def has_root(head: bytes, root: re.Pattern[bytes]) -> bool:
-    """Return whether a file starts like XML and has an element early on.
+def has_root(head: bytes, root: str) -> bool:
+    """Return whether a file starts like XML and has an element early on, in any namespace.
 
     Parameters
     ----------
     head
         The first bytes of the file.
     root
-        The start of the element, its namespace's prefix included.
+        Name of the element.
     """
     plain = head[:_HEAD].replace(b"\0", b"")  # UTF-16 has a zero in every character
-    return plain.lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n").startswith(b"<") and bool(root.search(plain))
+    return plain.lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n").startswith(b"<") and bool(
+        re.search(rb"<(?:[A-Za-z]\w{0,30}:)?" + root.encode() + rb"[\s>]", plain)
+    )
 
 
 def read_elements(path: Path, reader: str, handler: Handler) -> str:
