@@ -81,11 +81,14 @@ READERS: tuple[Reader, ...] = (
     Reader(fit.NAME, fit.recognises, fit.read, read_logs=sensor_csv.read_logs),
     Reader(kml.NAME, kml.recognises, kml.read),
     Reader(tcx.NAME, tcx.recognises, tcx.read),
-    Reader(receiver_file.NMEA, receiver_file.recognises_nmea, receiver_file.read_nmea),
-    Reader(receiver_file.UBX, receiver_file.recognises_ubx, receiver_file.read_ubx),
     *(
-        Reader(name, partial(receiver_file.recognises, name), partial(receiver_file.read, name))
-        for name in (receiver_file.NOVATEL, receiver_file.SBF)
+        Reader(name, partial(receiver_file.recognises, name), read)
+        for name, read in (
+            (receiver_file.NMEA, receiver_file.read_nmea),
+            (receiver_file.UBX, receiver_file.read_ubx),
+            (receiver_file.NOVATEL, partial(receiver_file.read, receiver_file.NOVATEL)),
+            (receiver_file.SBF, partial(receiver_file.read, receiver_file.SBF)),
+        )
     ),
     Reader(acmi.NAME, acmi.recognises, acmi.read),
     Reader(igc.NAME, igc.recognises, igc.read),

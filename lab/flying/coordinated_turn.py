@@ -178,7 +178,7 @@ def _heading(time: FloatArray, moves: NDArray[np.bool_], course: FloatArray) -> 
 
 def _bank(time: FloatArray, velocity: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
     """Return the bank [rad] at which the specific force has no part along the wings."""
-    ahead, right, down = _beside_nose(_force(time, velocity), yaw).T
+    ahead, right, down = _force(time, velocity, yaw)
     up = -(np.sin(pitch) * ahead + np.cos(pitch) * down)
     bank = np.arctan2(right, _at_least(up, _MIN_LIFT))
     airborne = (np.linalg.norm(velocity, axis=1) - TAXIING) / (FLYING - TAXIING)
@@ -187,7 +187,7 @@ def _bank(time: FloatArray, velocity: FloatArray, pitch: FloatArray, yaw: FloatA
 
 def _lean(time: FloatArray, velocity: FloatArray, yaw: FloatArray) -> FloatArray:
     """Return roll and pitch (n, 2) [rad] with which the thrust, upwards in b, is the specific force."""
-    ahead, right, down = _beside_nose(_force(time, velocity), yaw).T
+    ahead, right, down = _force(time, velocity, yaw)
     up = _at_least(-down, _MIN_THRUST_UP)
     return np.stack((np.arctan2(right, np.hypot(ahead, up)), np.arctan2(-ahead, up)), axis=-1)
 
@@ -232,18 +232,11 @@ def _without_roll(time: FloatArray, at: FloatArray, nose: FloatArray) -> FloatAr
     return euler_from_quaternion(q_nb)
 
 
-def _beside_nose(vectors: FloatArray, yaw: FloatArray) -> FloatArray:
-    """Return vectors (n, 3) in n along the heading, to its right and down."""
+def _force(time: FloatArray, velocity: FloatArray, yaw: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the specific force along the heading, to its right and down, (n,) each [m/s²]."""
+    north, east, down = CubicSpline(time, velocity)(time, 1).T
     s, c = np.sin(yaw), np.cos(yaw)
-    north, east, down = vectors.T
-    return np.stack((c * north + s * east, c * east - s * north, down), axis=-1)
-
-
-def _force(time: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the specific force (n, 3) in n [m/s²]."""
-    force = CubicSpline(time, velocity)(time, 1)
-    force[:, 2] -= STANDARD_GRAVITY
-    return np.asarray(force)
+    return c * north + s * east, c * east - s * north, down - STANDARD_GRAVITY
 
 
 def _at_least(values: FloatArray, floor: float) -> FloatArray:

@@ -84,10 +84,11 @@ def check_course(log: SensorLog, matches: WindowMatches) -> None:
     down = -up / np.linalg.norm(up)
     right, reversed_ = (_left(log, stretches, sign * down) / turned for sign in (1, -1))
     what = f"{log.name}: the course changes by {np.degrees(turned):.0f}° (rms), and the gyros "
+    # The velocities, where they change enough, must not contradict it.
     if (
         reversed_ < limits.LOG.explained_course
         and right > limits.LOG.unexplained_course
-        and _fits_as_well(matches, GYROS_REVERSED)
+        and _misfits(matches, GYROS_REVERSED).sum() <= limits.LOG.worse_fit * _misfits(matches).sum()
     ):
         raise GyroError(
             f"{what}turn against it about the vertical (with the sign reversed, {100 * reversed_:.0f} % of "
@@ -147,12 +148,6 @@ def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> fl
         drift = float(np.clip(since @ apart / (since @ since), -limits.LOG.gyro_bias, limits.LOG.gyro_bias))
         left.append(apart - drift * since)
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
-
-
-def _fits_as_well(matches: WindowMatches, axes: ImuAxes) -> bool:
-    """Return whether the velocities, where they change enough, do not contradict other axes."""
-    as_it_is, other = _misfits(matches), _misfits(matches, axes)
-    return bool(other.sum() <= limits.LOG.worse_fit * as_it_is.sum())
 
 
 def _misfits(matches: WindowMatches, axes: ImuAxes = AS_IT_IS) -> FloatArray:

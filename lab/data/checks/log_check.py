@@ -359,7 +359,11 @@ def _axes_are_right(matches: WindowMatches, vehicle: Vehicle) -> bool:
         (window, matches.match(n))
         for n, window in enumerate(matches.windows[: limits.LOG.fewest_lag_windows])
     ]
-    angles = [_off_course(window, one) for window, one in found if _is_clear(one)]
+    angles = [
+        _off_course(window, one)
+        for window, one in found
+        if one.misfit < limits.LOG.explained_misfit and one.heading_sigma < limits.LOG.heading_sigma
+    ]
     apart = np.concatenate(angles) if angles else np.empty(0)
     if not apart.size:
         return False
@@ -368,10 +372,6 @@ def _axes_are_right(matches: WindowMatches, vehicle: Vehicle) -> bool:
     return bool(
         abs(np.angle(mean)) < limits.LOG.off_course or (not vehicle.name and spread > limits.LOG.wandering)
     )
-
-
-def _is_clear(found: Match) -> bool:
-    return bool(found.misfit < limits.LOG.explained_misfit and found.heading_sigma < limits.LOG.heading_sigma)
 
 
 def _off_course(window: Window, found: Match) -> FloatArray:

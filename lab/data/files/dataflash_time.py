@@ -70,7 +70,7 @@ class MessageTimes:
         time = _since_boot(name, messages)
         if time is None and name == _GPS:
             time = self._of_week(messages, places)
-        if time is None and not _has_clock(messages) and len(self._anchors[0]) > 1:
+        if time is None and not any(one.startswith("Time") for one in messages) and len(self._anchors[0]) > 1:
             time = self._by_order(places)
             self.unstamped += [name] if name not in self.unstamped else []
         return None if time is None else {**messages, TIME: time}
@@ -132,10 +132,6 @@ def _averaged(values: FloatArray, reach: int) -> FloatArray:
     place = np.arange(len(values))
     both = np.minimum(np.minimum(place, place[::-1]), reach)
     return np.asarray((total[place + both + 1] - total[place - both]) / (2 * both + 1))
-
-
-def _has_clock(messages: Messages) -> bool:
-    return any(name.startswith("Time") for name in messages)
 
 
 def _since_boot(name: str, messages: Messages) -> FloatArray | None:

@@ -95,16 +95,6 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     return replace(track, down=down).flight()
 
 
-def _without_positions(points: Points, count: int) -> str:
-    said = (
-        f"none of its {count} points has a position, as of what is recorded indoors."
-        if count
-        else "has no positions (messages record or gps_metadata)."
-    )
-    broken = f" It is broken: {points.broken}." if points.broken else ""
-    return f"{said}{broken} Accepted is an activity that was recorded with positions"
-
-
 def time_of(values: Mapping[str, Any]) -> float:
     """Return the time of a message [s]."""
     whole_seconds = _first(values, "timestamp")
@@ -196,9 +186,15 @@ class Points:
     def best(self, path: Path) -> _Kind:
         """Return the points of the kind with more positions; raise a `MissionError` if there are none."""
         kind = max(self.kinds, key=lambda one: (len(one.fixes.line), one.fixes.count))
-        if not len(kind.fixes.line):
-            raise MissionError(f"{path}: {_without_positions(self, kind.fixes.count)}")
-        return kind
+        if len(kind.fixes.line):
+            return kind
+        said = (
+            f"none of its {kind.fixes.count} points has a position, as of what is recorded indoors."
+            if kind.fixes.count
+            else "has no positions (messages record or gps_metadata)."
+        )
+        broken = f" It is broken: {self.broken}." if self.broken else ""
+        raise MissionError(f"{path}: {said}{broken} Accepted is an activity that was recorded with positions")
 
     @property
     def vehicle(self) -> str:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Mapping, Sequence
-from datetime import UTC, date, datetime
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -77,12 +77,13 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         )
     column, height, about_height = _heights(records)
     records.fixes.height[:] = array("d", height.tobytes())
+    day = f"{records.date} 00:00 UTC" if records.date else "00:00 UTC of a day that the file does not name"
     return records.fixes.track(
         path,
         NAME,
         units_of_the_format({"latitude": "°", "longitude": "°", column: "m"}),
         unread=Dropped("B records that cannot be read", records.broken, records.first_broken),
-        remarks=(_about_time(records.date), *about_height, *records.remarks),
+        remarks=(f"Time counts from {day}.", *about_height, *records.remarks),
         vehicle="aircraft",
     ).flight()
 
@@ -193,12 +194,6 @@ def _date(day: int, month: int, year: int) -> date | None:
         return date(year + (1900 if year >= _FIRST_YEAR else 2000), month, day)
     except ValueError:
         return None
-
-
-def _about_time(day: date | None) -> str:
-    if day is None:
-        return "Time counts from 00:00 UTC of a day that the file does not name."
-    return f"Time counts from {datetime.combine(day, datetime.min.time(), UTC):%Y-%m-%d} 00:00 UTC."
 
 
 def _heights(records: _Records) -> tuple[str, NDArray[np.float64], tuple[str, ...]]:

@@ -279,7 +279,8 @@ def profile_of(file: str, headings: Sequence[str]) -> Profile | None:
     there = frozenset(map(plain, headings))
     fitting = [one for one in (*shipped_profiles(), *own_profiles()) if not one.simulator and one.fits(there)]
     # A profile whose needs include all of another's is the more particular one.
-    best = [one for one in fitting if not any(_includes(other, one) for other in fitting)]
+    needs = [set(one.needed) for one in fitting]
+    best = [one for one, need in zip(fitting, needs, strict=True) if not any(other > need for other in needs)]
     if len(best) > 1:
         names = " and ".join(f"{one.name} ({one.path})" for one in best)
         raise MissionError(
@@ -287,8 +288,3 @@ def profile_of(file: str, headings: Sequence[str]) -> Profile | None:
             "or let it need a heading that the other file does not have"
         )
     return best[0] if best else None
-
-
-def _includes(one: Profile, other: Profile) -> bool:
-    """Return whether one profile needs what another does, and more."""
-    return set(one.needed) > set(other.needed)

@@ -95,7 +95,9 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
         table = np.column_stack((own.time, np.degrees(own.heading), np.degrees(own.sigma)))
         _write_csv(folder / "heading.csv", ("t_s", *_HEADING), table, epoch)
         at_fixes[:] = np.nan
-    fixes = np.column_stack((_gnss_rows(log.gnss), at_fixes))
+    gnss = log.gnss
+    sigmas = gnss.position_sigma, gnss.velocity_sigma
+    fixes = np.column_stack((gnss.time, _degrees(gnss.position), gnss.velocity_n, *sigmas, at_fixes))
     _write_csv(folder / "gnss.csv", (*_PLACE, *_SIGMA, *_HEADING), fixes, epoch)
     if log.reference is not None:
         _write_csv(folder / "ref.csv", (*_PLACE, *_ATTITUDE), _reference_rows(log.reference), epoch)
@@ -144,12 +146,6 @@ def _imu_rows(log: SensorLog) -> FloatArray:
         # The reader takes the rate after a gap from the increments of the whole gap.
         increments[last] *= (end - start) / steps[last]
     return np.column_stack((log.time, increments))[kept]
-
-
-def _gnss_rows(gnss: GnssLog) -> FloatArray:
-    return np.column_stack(
-        (gnss.time, _degrees(gnss.position), gnss.velocity_n, gnss.position_sigma, gnss.velocity_sigma)
-    )
 
 
 def _heading_rows(gnss: GnssLog, headings: Headings | None) -> FloatArray:

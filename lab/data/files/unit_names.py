@@ -118,27 +118,6 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
 """Units by what files and people write, without blanks and in lower case."""
 
 
-def unit_name(quantity: str, spelling: str) -> str:
-    """Return a unit as `UNITS` has it.
-
-    Parameters
-    ----------
-    quantity
-        Of what, as a key of `UNITS`.
-    spelling
-        As a person or a file writes it.
-
-    Raises
-    ------
-    MissionError
-        If this is no unit of the quantity, listing those that are.
-    """
-    known = UNITS[quantity]
-    if found := unit_of(quantity, spelling):
-        return found
-    raise MissionError(f"{spelling!r} is not a known unit of {quantity}; accepted are {', '.join(known)}")
-
-
 def refuse_unknown(path: object, units: Mapping[str, str], columns: Collection[str]) -> None:
     """Raise if units are given for columns that are not there.
 

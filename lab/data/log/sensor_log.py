@@ -191,7 +191,9 @@ def repaired(
     time, samples, lost = _usable_samples(time, samples, increments, find_spikes, repairs)
     gnss_rows = _usable_fixes(gnss, repairs)
     _check_overlap(name, time, gnss.time[gnss_rows] - gnss.latency)
-    dt, since = np.diff(time), _time_since_before(time, lost)
+    # Increments begin at the sample before, or at a lost one.
+    latest = np.append(-np.inf, lost)[np.searchsorted(lost, time[1:])]
+    dt, since = np.diff(time), time[1:] - np.maximum(time[:-1], latest)
     rates = samples[1:] / since[:, None] if increments else samples[1:]
     rates = np.concatenate((samples[:1] / np.median(dt) if increments else samples[:1], rates))
     stamps, usual = time, UsualInterval().accept(dt)
@@ -249,12 +251,6 @@ def _usable_samples(
     spiky = find_spikes(_rates(time, samples) if increments else samples)
     _say(repairs, int(spiky.sum()), "IMU sample with a spike, far beyond the others near, was dropped")
     return time[~spiky], samples[~spiky], np.sort(np.append(lost, time[spiky]))
-
-
-def _time_since_before(time: FloatArray, lost: FloatArray) -> FloatArray:
-    """Return the time since the sample before, for all but the first: increments begin at a lost one too."""
-    latest = np.append(-np.inf, lost)[np.searchsorted(lost, time[1:])]
-    return np.asarray(time[1:] - np.maximum(time[:-1], latest))
 
 
 def _without_repeats(

@@ -179,7 +179,8 @@ def time_column(rows: FloatArray, remarks: list[str]) -> tuple[int, str] | None:
     for place in range(rows.shape[1]):
         if not ((steps[:, place] > 0).all() and steps[:, place].max() <= _UNEVEN * usual[place]):
             continue
-        if (steps[:, place] == 1).all() and rows.shape[1] > AXES and _other_time(steps, place):
+        others_rise = (np.delete(steps, place, axis=1) > 0).all(axis=0).any()
+        if (steps[:, place] == 1).all() and rows.shape[1] > AXES and others_rise:
             continue
         if unit := unit_of_steps(float(usual[place])):
             rate = 1 / (usual[place] * UNITS_OF["time"][unit])
@@ -189,11 +190,6 @@ def time_column(rows: FloatArray, remarks: list[str]) -> tuple[int, str] | None:
             )
             return place, unit
     return None
-
-
-def _other_time(steps: FloatArray, place: int) -> bool:
-    others = np.delete(steps, place, axis=1)
-    return bool((others > 0).all(axis=0).any())
 
 
 def _matched(three: FloatArray, ranges: dict[str, tuple[float, float]]) -> tuple[str, float] | None:

@@ -62,6 +62,8 @@ class _Receiver(NamedTuple):
 
 
 _RECEIVERS = {
+    NMEA: _Receiver("nmea", Nmea, _SENTENCE, ", ".join(sorted(SENTENCES)), b"\n"),
+    UBX: _Receiver("ublox", Ubx, _MESSAGE, ", ".join(sorted(MESSAGES)), b"\xb5b"),
     NOVATEL: _Receiver(
         "novatel",
         NovAtel,
@@ -81,7 +83,7 @@ _RECEIVERS = {
         b"$@",
     ),
 }
-"""Further receivers, by the name of the format."""
+"""Receivers, by the name of the format."""
 _TRIED = 1000
 """Most candidates for a sentence or a message whose check is tried when a file is recognised."""
 _BINARY_PART = 100
@@ -100,37 +102,23 @@ _COLUMNS = {
 }
 
 
-def recognises_nmea(head: bytes) -> bool:
-    """Return whether the first bytes of a file hold a sentence with a position; amid binary, a sound one.
+def recognises(name: str, head: bytes) -> bool:
+    """Return whether the first bytes of a file hold a sound message of a receiver with a position.
 
-    A log of an autopilot with its receiver's sentences in it is not recognised.
+    A log of an autopilot with its receiver's messages in it is not recognised; what holds sentences of NMEA
+    is a file of these. In a text, a sentence need not be sound.
     """
-    if head.startswith((DATAFLASH, ULOG)):
+    receiver = _RECEIVERS[name]
+    if head.startswith((DATAFLASH, ULOG)) or receiver.begin.search(head) is None:
         return False
-    if head.count(b"\0") * _BINARY_PART < len(head):
-        return bool(_SENTENCE.search(head))
-    return _holds(head, _SENTENCE, Nmea)
-
-
-def recognises_ubx(head: bytes) -> bool:
-    """Return whether the first bytes of a file hold a sound message with a position, and no NMEA with one.
-
-    A log of an autopilot with its receiver's messages in it is not recognised.
-    """
-    is_log = head.startswith((DATAFLASH, ULOG))
-    return not is_log and _holds(head, _MESSAGE, Ubx) and not recognises_nmea(head)
-
-
-def _holds(head: bytes, begin: re.Pattern[bytes], made: Callable[[], Framing]) -> bool:
-    """Return whether a sound frame begins where a pattern does."""
-    if begin.search(head) is None:
-        return False
-    data, framing = bytearray(head), made()
-    for found in itertools.islice(begin.finditer(head), _TRIED):
+    if name == NMEA and head.count(b"\0") * _BINARY_PART < len(head):
+        return True
+    data, framing = bytearray(head), receiver.framing()
+    for found in itertools.islice(receiver.begin.finditer(head), _TRIED):
         at = found.start()
         size = framing.size(data, at)
         if 0 < size <= len(head) - at and framing.passes(head[at : at + size]):
-            return True
+            return name == NMEA or not recognises(NMEA, head)
     return False
 
 
@@ -186,14 +174,6 @@ def read_ubx(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     places = _Places(data, b"\xb5b", 0)
     dropped = _broken("messages with a wrong checksum", framing, places)
     return _track(path, UBX, fixes, time, fixes["height"], places, dropped, remarks)
-
-
-def recognises(name: str, head: bytes) -> bool:
-    """Return whether the first bytes of a file hold a sound message with a position of a further receiver."""
-    if head.startswith((DATAFLASH, ULOG)):
-        return False
-    receiver = _RECEIVERS[name]
-    return _holds(head, receiver.begin, receiver.framing) and not recognises_nmea(head)
 
 
 def read(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

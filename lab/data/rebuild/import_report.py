@@ -129,7 +129,13 @@ class ImportReport(NotebookCard):
         for row in self.rows:
             lines += [f"{row.group}"] if row.group != group else []
             group = row.group
-            lines += _hanging(row.name.ljust(names), row.value, width)
+            indent = f"  {row.name.ljust(names)}  "
+            lines += textwrap.wrap(
+                row.value,
+                max(width, len(indent) + _MIN_TEXT),
+                initial_indent=indent,
+                subsequent_indent=" " * len(indent),
+            ) or [indent.rstrip()]
         lines.append(f"Verdict: {self.verdict}")
         for sentence in self.reasons:
             lines += textwrap.wrap(sentence, width, initial_indent="  - ", subsequent_indent="    ")
@@ -421,10 +427,3 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[FlightFinding]:
             f"reasons.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
             f"{' It is cut where the recorded solution jumps.' if flight.raw.resets else ''}",
         )
-
-
-def _hanging(name: str, value: str, width: int) -> list[str]:
-    indent = f"  {name}  "
-    return textwrap.wrap(
-        value, max(width, len(indent) + _MIN_TEXT), initial_indent=indent, subsequent_indent=" " * len(indent)
-    ) or [indent.rstrip()]

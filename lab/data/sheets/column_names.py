@@ -292,8 +292,9 @@ def _words(stem: str) -> list[str]:
 def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, rank: int) -> Heading | None:
     """Return what a column with an axis is: of a gyro, an accelerometer, or the direction of gravity."""
     names = [word for word in words if not word.isdigit()]
-    if (frame := given_frame(names)) and not set(names) & {"position", "pos"}:
-        quantity, sign = frame["xyz".index(axis)]
+    frames = [frame for frame in _FRAMES if frame in names]
+    if len(frames) == 1 and set(names) & _VELOCITY and not set(names) & {"position", "pos"}:
+        quantity, sign = _FRAMES[frames[0]]["xyz".index(axis)]
         return Heading(text, quantity, unit=unit_of("speed", unit), rank=rank, sign=sign)
     if not names:
         # Columns x, y and z are of the sensor that their unit or the name of the file names.
@@ -338,12 +339,6 @@ _FRAMES = {
 """Quantity and sign of the components of a velocity in each frame."""
 _VELOCITY = {"v", "vel", "velocity", "speed"}
 _FRAME_LAST = re.compile(r"(?i)^(.+)[\s_.](enu|ned|nwu)$")
-
-
-def given_frame(words: Sequence[str]) -> tuple[tuple[str, int], ...] | None:
-    """Return what the components of a velocity are whose heading names their frame; None for others."""
-    named = [frame for frame in _FRAMES if frame in words]
-    return _FRAMES[named[0]] if len(named) == 1 and set(words) & _VELOCITY else None
 
 
 def _sensor_of(given: set[str], joined: str) -> str:

@@ -20,7 +20,7 @@ from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.fields import GIVEN
 from lab.data.files.profile import Profile, plain
-from lab.data.files.unit_names import UNITS, refuse_unknown, unit_name
+from lab.data.files.unit_names import UNITS, refuse_unknown, unit_of
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.data.sheets.column_names import Heading
 from lab.data.sheets.sheet import Sheet, sheet_below
@@ -235,10 +235,12 @@ def _in_si(
             continue
         unit, source, other = heading.unit, heading.source, heading.other
         if (own := given.get(plain(heading.text))) is not None:
-            try:
-                unit, source, other = unit_name(heading.kind, own), GIVEN, ""
-            except MissionError as error:
-                raise MissionError(f"{path}, column {heading.text}: {error}") from None
+            unit, source, other = unit_of(heading.kind, own), GIVEN, ""
+            if not unit:
+                raise MissionError(
+                    f"{path}, column {heading.text}: {own!r} is not a known unit of {heading.kind}; accepted "
+                    f"are {', '.join(UNITS[heading.kind])}"
+                )
         factor = heading.sign * UNITS[heading.kind][unit]
         values[key] = column * factor
         read_in[key] = ColumnUnit(heading.text, unit, source)

@@ -47,7 +47,7 @@ from lab.data.sheets.sheet_blocks import (
     read_sheets,
     with_velocities,
 )
-from lab.data.sheets.sheet_clock import end_together, offset_that_agrees, remark_on_ends, times_of
+from lab.data.sheets.sheet_clock import offset_that_agrees, remark_on_ends
 from lab.data.sheets.sheet_field import field_of
 from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
@@ -192,7 +192,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     columns = {one.column: one for one in (*fixes.units, *of_imu) if one.column}
     columns |= {one.column: one for one in (attitude.units if attitude else ())}
     resets, counters = resets_of(fixes)
-    remarks = [*_of_rows(sheets), *fixes.remarks, *([attitude.remark] if attitude else [])]
+    remarks = [remark for one in sheets for remark in one.remarks]
+    remarks += [*fixes.remarks, *([attitude.remark] if attitude else [])]
     remarks += [*unread(sheets, [*columns, *counters], remarks), *about_heights(fixes.units[2].column)]
     flight = Track(
         path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
@@ -266,7 +267,8 @@ def read_logs(
     """
     sheets = sheets_of(paths, units or {})
     imu = imu_of(sheets)
-    fixes = fixes_of(sheets, [one.text for one in times_of(imu.gyro.sheet)])
+    stamps = [one.text for one in imu.gyro.sheet.headings if one.quantity in ("time", "clock")]
+    fixes = fixes_of(sheets, stamps)
     fixes = fixes._replace(gnss=replace(fixes.gnss, lever_arm=np.array(lever_arm, float), latency=latency))
     profiles = [one.profile for one in sheets if one.profile is not None]
     of_imu = imu.gyro.sheet.profile
@@ -278,7 +280,7 @@ def read_logs(
     checked = partial(_oriented_log, name, vehicle, axes, pace_of(fixes))
     imu, (log, forward) = _in_unit_of_motion(imu, fixes, checked)
     refuse_cm_per_s2(imu, fixes.gnss)
-    ends_apart = end_together(imu.time, fixes.gnss)
+    ends_apart = remark_on_ends(imu.time, fixes.gnss)
     if ends_apart and not is_explained(log) and (found := _leap_seconds(imu, fixes.gnss, checked)):
         raise MissionError(f"{name}: the velocities do not change as the IMU says. {found}")
     height = fixes.units[2]
@@ -288,8 +290,8 @@ def read_logs(
             fixes = in_height_unit(fixes, unit, factor)
             log, forward = checked(imu, fixes.gnss)
     field, pressure = field_of(sheets, log, axes_matrix(forward)), barometer_of(sheets, log)
-    remarks = [*_of_rows(sheets), *imu.remarks, *fixes.remarks, *field.remarks, *pressure.remarks]
-    remarks += [remark_on_ends(imu.time, fixes.gnss)] if ends_apart else []
+    remarks = [remark for one in sheets for remark in one.remarks]
+    remarks += [*imu.remarks, *fixes.remarks, *field.remarks, *pressure.remarks, *filter(None, [ends_apart])]
     reference, told = reference_of(sheets, log, fixes.gnss)
     remarks += told
     named = (*imu.gyro.headings, *imu.accelerometer.headings)
@@ -309,15 +311,12 @@ def _oriented_log(
 
     along = along_track(gnss, pace)
     shown = None if along is None else with_fixes(along)
-    return oriented(
-        imu.samples,
-        with_fixes(gnss),
-        axes,
-        _is_phone(imu),
-        _is_signed(imu),
-        shown,
-        vehicle_of(vehicle).stays_level,
-    )
+    # Phones differ in the sign of their accelerations; others write specific force.
+    is_phone, sheet = _is_phone(imu), imu.accelerometer.sheet
+    named = any(one.sign < 0 or one.sensor == GIVEN for one in imu.accelerometer.headings)
+    is_signed = named or sheet.signed or not is_phone
+    level = vehicle_of(vehicle).stays_level
+    return oriented(imu.samples, with_fixes(gnss), axes, is_phone, is_signed, shown, level)
 
 
 def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:
@@ -334,7 +333,11 @@ def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, 
         pass
     if imu.accelerometer.source.startswith(OF_MOTION):
         raise MissionError(without_gravity(imu.accelerometer))
-    raise MissionError(_with_report(refusal, imu, fixes, _leap_seconds(imu, fixes.gnss, checked)))
+    # A wrong guess of what the columns are may be the cause.
+    hint = _leap_seconds(imu, fixes.gnss, checked)
+    cause = ". ".join(filter(None, (str(refusal).removesuffix("."), hint)))
+    report = " ".join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]
+    raise MissionError(f"{cause}. The columns were read so: {report}")
 
 
 def _borne_out(imu: Imu, read: Oriented) -> Oriented:
@@ -348,17 +351,6 @@ def _borne_out(imu: Imu, read: Oriented) -> Oriented:
 def _leap_seconds(imu: Imu, gnss: GnssLog, checked: _Checked) -> str:
     """Return a sentence if fixes that are off by the leap seconds agree with the IMU, or else nothing."""
     return offset_that_agrees(imu.time, gnss, lambda gnss: checked(imu, gnss).log)
-
-
-def _of_rows(sheets: Sequence[Sheet]) -> list[str]:
-    return [remark for sheet in sheets for remark in sheet.remarks]
-
-
-def _with_report(error: MissionError, imu: Imu, fixes: Fixes, hint: str) -> str:
-    """Return a message with what the columns were taken for, since a wrong guess may be the cause."""
-    cause = ". ".join(filter(None, (str(error).removesuffix("."), hint)))
-    report = " ".join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]
-    return f"{cause}. The columns were read so: {report}"
 
 
 def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
@@ -475,12 +467,6 @@ def _is_phone(imu: Imu) -> bool:
     if any(one.phone for one in profiles):
         return True
     return imu.gyro.sheet is not imu.accelerometer.sheet or any(word in words for word in _PHONE_WORDS)
-
-
-def _is_signed(imu: Imu) -> bool:
-    """Return whether it is known that the accelerations are specific force: phones differ in their sign."""
-    named = any(one.sign < 0 or one.sensor == GIVEN for one in imu.accelerometer.headings)
-    return named or imu.accelerometer.sheet.signed or not _is_phone(imu)
 
 
 _POSITION_SIGMA = 3.0

@@ -180,7 +180,12 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
     places = [place for place, known in enumerate(layout.known) if known is not None]
     headings = [replace(known, unit=known.unit or units.get(place, "")) for place in places
                 if (known := layout.known[place]) is not None]  # fmt: skip
-    places, headings = _in_two(places, headings)
+    pairs = [
+        (place, one if quantity is None else replace(one, quantity=quantity))
+        for place, one in zip(places, headings, strict=True)
+        for quantity in (_COORDINATES if one.quantity == "place" else (None,))  # a cell that has both
+    ]
+    places, headings = [place for place, _ in pairs], [one for _, one in pairs]
     width = len(layout.headings) if rows else ended(layout.headings)
     columns: list[FloatArray] = [np.empty(0)] * len(places)
     texts: dict[int, str] = {}
@@ -192,6 +197,11 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
         raise MissionError(f"{name}: its rows cannot be told from each other; accepted is one row a line")
     columns, headings, texts = _on_their_side(columns, headings, texts)
     columns, remarks = _without_placeholders(name, headings, columns)
+    if layout.profile is not None:
+        own = layout.profile
+        is_named = own.columns and not own.simulator
+        said = f"The profile {own.name} ({own.path.name}) says what columns of {name} are."
+        remarks += (*([said] if is_named else []), *own.remarks)
     kept = [i for i, column in enumerate(columns) if np.isfinite(column).any()]
     return Sheet(
         name=name,
@@ -202,7 +212,7 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
             text for text, known in zip(layout.headings, layout.known, strict=True) if known is None and text
         ),
         odd_stamps={headings[i].text: texts[i] for i in texts if i not in kept},
-        remarks=(*remarks, *_about(name, layout.profile)),
+        remarks=remarks,
         profile=layout.profile,
         rows=rows,
     )
@@ -241,16 +251,6 @@ def _with_first_column(data: bytes, layout: Layout) -> Layout:
     return replace(layout, headings=("date" if date else "", *layout.headings), known=(date, *layout.known))
 
 
-def _about(name: str, profile: Profile | None) -> tuple[str, ...]:
-    """Return what the report says of a profile."""
-    if profile is None or not profile.columns or profile.simulator:
-        return profile.remarks if profile else ()
-    return (
-        f"The profile {profile.name} ({profile.path.name}) says what columns of {name} are.",
-        *profile.remarks,
-    )
-
-
 def _without_placeholders(
     name: str, headings: list[Heading], columns: list[FloatArray]
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
@@ -264,16 +264,6 @@ def _without_placeholders(
     return kept, (
         f"{name} has numbers that stand for unknown values: {'; '.join(reported)}.",
     ) if reported else ()
-
-
-def _in_two(places: list[int], headings: list[Heading]) -> tuple[list[int], list[Heading]]:
-    """Return columns with a latitude and a longitude for each place, which has both in one cell."""
-    pairs = [
-        (place, one if quantity is None else replace(one, quantity=quantity))
-        for place, one in zip(places, headings, strict=True)
-        for quantity in (("latitude", "longitude") if one.quantity == "place" else (None,))
-    ]
-    return [place for place, _ in pairs], [one for _, one in pairs]
 
 
 def _on_their_side(

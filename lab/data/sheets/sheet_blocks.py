@@ -12,9 +12,7 @@ from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.faults import is_regular
 from lab.data.files.profile import Profile
@@ -231,7 +229,12 @@ def in_time_order(sheet: Sheet) -> Sheet:
     backwards = not (np.diff(time) > 0).any()
     order = np.arange(time.size)[::-1] if backwards else np.argsort(time, kind="stable")
     shuffled = falls.mean() > _SHUFFLED and is_regular(time[order])
-    if not backwards and not shuffled and not _are_apart(time, falls):
+    # Stretches that go forward, and do not lie over each other, may stand in any order.
+    starts = np.flatnonzero(np.append(True, falls))
+    begin, end = time[starts], time[np.append(starts[1:] - 1, time.size - 1)]
+    by_begin = np.argsort(begin, kind="stable")
+    apart = (end[by_begin][:-1] <= begin[by_begin][1:]).all()
+    if not backwards and not shuffled and not apart:
         return sheet
     what = "in reverse order" if backwards else f"out of order at {int(falls.sum())} places"
     rows = known[order]
@@ -297,14 +300,6 @@ def with_velocities(sheets: Sequence[Sheet]) -> list[Sheet]:
 def has_velocity(quantities: AbstractSet[str]) -> bool:
     """Return whether quantities are of a velocity over ground."""
     return {"north", "east"} <= quantities or {"speed", "course"} <= quantities
-
-
-def _are_apart(time: FloatArray, falls: NDArray[np.bool_]) -> bool:
-    """Return whether stretches that go forward do not lie over each other."""
-    starts = np.flatnonzero(np.append(True, falls))
-    begin, end = time[starts], time[np.append(starts[1:] - 1, time.size - 1)]
-    order = np.argsort(begin, kind="stable")
-    return bool((end[order][:-1] <= begin[order][1:]).all())
 
 
 def of_one_instance(sheet: Sheet) -> Sheet:

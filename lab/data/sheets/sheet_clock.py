@@ -159,7 +159,10 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
         unit = heading.unit or _guessed_unit(values[known], fast)
         time = _onwards(values, UNITS["time"][unit])
         if unit == "days":
-            time, unit = _of_days(values)
+            size = float(np.nanmedian(values))
+            for start, (before, first, last) in _DAYS_BEFORE_1970.items():
+                if first < size < last:
+                    time, unit = (values - before) * DAY, f"days since {start}"
         clock = Clock(time, heading.text, unit, not heading.unit)
         return _leaping(clock, False) if np.median(time[known]) > SINCE_1970 else clock
     return parts
@@ -238,15 +241,6 @@ def _leaping(clock: Clock, of_day: bool) -> Clock:
     return clock._replace(time=time, unit=f"{clock.unit} with a leap second") if leaps else clock
 
 
-def _of_days(values: FloatArray) -> tuple[FloatArray, str]:
-    """Return times in days as seconds, since 1970 where the count shows it, and what they count from."""
-    size = float(np.nanmedian(values))
-    for start, (before, first, last) in _DAYS_BEFORE_1970.items():
-        if first < size < last:
-            return (values - before) * DAY, f"days since {start}"
-    return _onwards(values, DAY), "days"
-
-
 def _onwards(values: FloatArray, factor: float) -> FloatArray:
     """Return times [s] that go on where a counter begins again: of the day, of the week, of 32 bits.
 
@@ -271,11 +265,6 @@ def _onwards(values: FloatArray, factor: float) -> FloatArray:
     if not period or time[known].min() < 0:
         return time
     return continued(time, period, (1 - LIMITS.turn) * period)
-
-
-def times_of(sheet: Sheet) -> list[Heading]:
-    """Return the headings of time stamps of a sheet."""
-    return [heading for heading in sheet.headings if heading.quantity in ("time", "clock")]
 
 
 def _order_of(text: str) -> str:
@@ -331,15 +320,11 @@ def offset_that_agrees(imu: FloatArray, gnss: GnssLog, read: Callable[[GnssLog],
     )
 
 
-def end_together(imu: FloatArray, gnss: GnssLog) -> bool:
-    """Return whether the fixes begin and end 18 s after the IMU, or both before it."""
-    begin, end = _ends(imu, gnss)
-    return bool(max(abs(abs(one) - LEAP_SECONDS) for one in (begin, end)) < _NEAR_LEAP and begin * end > 0)
-
-
 def remark_on_ends(imu: FloatArray, gnss: GnssLog) -> str:
-    """Return a remark on a log whose tables begin and end 18 s apart, and whose motion shows no offset."""
+    """Return a remark if the fixes begin and end 18 s after the IMU, or both before it; empty if not."""
     begin, end = _ends(imu, gnss)
+    if max(abs(abs(one) - LEAP_SECONDS) for one in (begin, end)) >= _NEAR_LEAP or begin * end <= 0:
+        return ""
     side = "after" if begin > 0 else "before"
     return (
         f"The fixes begin {abs(begin):.1f} s and end {abs(end):.1f} s {side} the IMU. If both were recorded "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import NoReturn
 
 import numpy as np
 
@@ -95,16 +94,13 @@ def _degrees(column: Column) -> Column:
     return column
 
 
-def may_be_radians(position: FloatArray) -> bool:
-    """Return whether the numbers of positions (m, 3), read in degrees, could be radians.
+def refuse_radians(sheet: Sheet, latitude: str, longitude: str, position: FloatArray) -> None:
+    """Raise a `QuestionError` if two columns of a sheet, read in degrees, could be radians.
 
-    In degrees, such numbers lie on the sea where the equator meets the meridian of Greenwich.
+    In degrees, such positions (m, 3) lie on the sea where the equator meets the meridian of Greenwich.
     """
-    return bool((np.abs(position[:, :2]) <= (np.pi / 2 * DEGREE, np.pi * DEGREE)).all())
-
-
-def ask_for_unit(sheet: Sheet, latitude: str, longitude: str) -> NoReturn:
-    """Raise a `QuestionError`: two columns of a sheet, by their headings, are in degrees or in radians."""
+    if not (np.abs(position[:, :2]) <= (np.pi / 2 * DEGREE, np.pi * DEGREE)).all():
+        return
     raise QuestionError(
         f"{sheet.name}: {latitude} and {longitude} are radians, or degrees on the sea where the equator "
         "meets the meridian of Greenwich: no heading names the unit, and no velocity shows it; accepted are "

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import ComplexArray, FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE
 from lab.data.checks import estimator_resets
@@ -20,7 +20,7 @@ from lab.data.rebuild.raw_flight import ColumnUnit, Reset
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_accuracy import sigmas_of
 from lab.data.sheets.sheet_clock import Clock, clock_of
-from lab.data.sheets.sheet_coordinates import ask_for_unit, in_degrees, may_be_radians, on_the_earth
+from lab.data.sheets.sheet_coordinates import in_degrees, on_the_earth, refuse_radians
 from lab.data.sheets.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of, rescaled
 from lab.data.sheets.sheet_imu import NAMED, in_order, is_of_another_device, of_odd_stamps
 from lab.motion.frames.displacement import metres_per_radian, velocity_of_positions
@@ -123,13 +123,13 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = (), *, with_height
     if not timed:
         names = ", ".join(one.name for one in sheets)
         lacks = "time stamps beside latitude and longitude" if places else "columns of latitude and longitude"
-        local = "" if places else _of_local_positions(sheets) + _of_imu_alone(sheets)
+        local = "" if places else _what_is_there(sheets)
         raise MissionError(
             f"{names}: no {lacks} found{local}.{of_odd_stamps(places)} Accepted are headings such as time, "
             "latitude, longitude, altitude, speed and course, or what the columns are: --column "
             "HEADING=latitude[°]"
         )
-    sheet, clock = min(timed, key=lambda one: _preference(one[0]))
+    sheet, clock = min(timed, key=_preference)
     others = [one.name for one, _ in timed if one is not sheet]
     fixes = _fixes(sheet, clock, with_height)
     if others:
@@ -137,32 +137,34 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = (), *, with_height
     return fixes
 
 
-def _of_local_positions(sheets: Sequence[Sheet]) -> str:
-    """Return a remark on positions in a room, which have no place on the Earth."""
-    unknown = [text for sheet in sheets for text in sheet.unknown]
-    local = [text for text in unknown if _LOCAL.search(text)][:3]
-    if not local:
-        return ""
-    return (
-        f": {', '.join(local)} are positions in metres from an origin, whose latitude, longitude and azimuth "
-        "the file does not give"
-    )
+def _what_is_there(sheets: Sequence[Sheet]) -> str:
+    """Return remarks on positions in a room, and on an IMU without a receiver, which cannot be navigated."""
+    said = ""
+    if local := [text for sheet in sheets for text in sheet.unknown if _LOCAL.search(text)][:3]:
+        said = (
+            f": {', '.join(local)} are positions in metres from an origin, whose latitude, longitude and "
+            "azimuth the file does not give"
+        )
+    if all(any(one.all_of(name) for one in sheets) for name in ("rate", "force")):
+        said += (
+            ". It has an IMU, but no positions of a receiver, without which it cannot be navigated; if the "
+            "receiver has a file of its own, import the two files together"
+        )
+    return said
 
 
-def _of_imu_alone(sheets: Sequence[Sheet]) -> str:
-    """Return a remark on an IMU without a receiver, which cannot be navigated."""
-    if not all(any(one.all_of(name) for one in sheets) for name in ("rate", "force")):
-        return ""
-    return (
-        ". It has an IMU, but no positions of a receiver, without which it cannot be navigated; if the "
-        "receiver has a file of its own, import the two files together"
-    )
-
-
-def _preference(sheet: Sheet) -> tuple[float, ...]:
+def _preference(timed: tuple[Sheet, Clock]) -> tuple[float, ...]:
+    sheet, _ = timed
     rank = sheet.all_of("latitude")[0][0].rank + 5 * ("network" in sheet.name.lower())
-    motion = any(sheet.all_of(name) for name in ("speed", "north"))
+    motion = sheet.all_of("speed") or sheet.all_of("north")
     return (is_of_another_device(sheet), not sheet.all_of("height"), rank, not motion, -len(sheet))
+
+
+def _steps(position: FloatArray) -> ComplexArray:
+    """Return the displacements between positions (n, 3), north + i east (n - 1,) [m]."""
+    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
+    east = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:]
+    return np.asarray(np.diff(position[:, 0]) * per_latitude[1:] + 1j * east)
 
 
 def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
@@ -178,14 +180,8 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     position = np.column_stack((latitude.values, longitude.values, height.values))[rows]
     if latitude.source == longitude.source and latitude.source in DOUBTFUL:
         unit = _unit_by_motion(sheet, latitude.unit, rows, time, position)
-        if (
-            not unit
-            and latitude.unit == "°"
-            and len(rows) > 1
-            and np.ptp(position[:, 0]) > 0
-            and may_be_radians(position)
-        ):
-            ask_for_unit(sheet, latitude.name, longitude.name)
+        if not unit and latitude.unit == "°" and len(rows) > 1 and np.ptp(position[:, 0]) > 0:
+            refuse_radians(sheet, latitude.name, longitude.name, position)
         if unit and unit != latitude.unit:
             source = f"guessed: in {latitude.unit}, the positions do not move as fast as the velocity says"
             position[:, :2] *= UNITS["angle"][unit] / UNITS["angle"][latitude.unit]
@@ -287,7 +283,9 @@ def _velocity(
         angle = np.where(pace == 0, np.nan_to_num(angle), angle)
         velocity[:, 0], velocity[:, 1] = pace * np.cos(angle), pace * np.sin(angle)
     vertical = down if down is not None else up
-    if north is None and vertical is not None and _is_uncertainty(vertical, sheet):
+    # The U of a heading such as VEL_U is that of POS_U beside it, an uncertainty.
+    uncertain = any(one.lower().endswith("_u") for one in sheet.unknown)
+    if north is None and vertical is not None and uncertain and vertical.name.lower().endswith("_u"):
         vertical = None
     if vertical is not None:
         sign = 1 if down is not None else -1
@@ -308,9 +306,7 @@ def _is_of_nose(
     """Return whether a heading beside roll and pitch is not the direction of motion: in wind they differ."""
     if not (sheet.all_of("roll") and sheet.all_of("pitch")) or not _OF_NOSE.search(course.name):
         return False
-    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
-    step = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:] * 1j
-    step += np.diff(position[:, 0]) * per_latitude[1:]
+    step = _steps(position)
     written = _course_unit(course, rows, time, position).values[rows][1:]
     fast = (np.abs(step) > _FAST_ENOUGH * np.diff(time)) & np.isfinite(written)
     return bool(fast.sum() >= _MIN_LEGS and np.median(np.abs(wrap(np.angle(step) - written)[fast])) > _CRAB)
@@ -352,11 +348,6 @@ def _of_heights(
     return rescaled(vertical, "speed", unit, source), []
 
 
-def _is_uncertainty(vertical: Column, sheet: Sheet) -> bool:
-    """Return whether the U of a heading such as VEL_U is that of POS_U beside it, an uncertainty."""
-    return vertical.name.lower().endswith("_u") and any(one.lower().endswith("_u") for one in sheet.unknown)
-
-
 def _component_units(
     components: list[Column | None], rows: NDArray[np.intp], time: FloatArray, position: FloatArray
 ) -> list[Column | None]:
@@ -376,11 +367,7 @@ def _component_units(
 
 def _path_ratio(stated: FloatArray, time: FloatArray, position: FloatArray) -> float:
     """Return how much as fast as stated [m/s] the positions move; NaN if they move too little."""
-    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
-    dt = np.diff(time)
-    north = np.diff(position[:, 0]) * per_latitude[1:]
-    east = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:]
-    moved, stated = np.hypot(north, east), (stated[1:] + stated[:-1]) / 2
+    dt, moved, stated = np.diff(time), np.abs(_steps(position)), (stated[1:] + stated[:-1]) / 2
     fast = (moved > _FAST_ENOUGH * dt) & (dt > 0) & (stated > 0)
     return float(np.sum(moved[fast]) / np.sum(stated[fast] * dt[fast])) if fast.sum() >= _MIN_LEGS else np.nan
 
@@ -456,9 +443,7 @@ def _course_unit(course: Column, rows: NDArray[np.intp], time: FloatArray, posit
             return course._replace(values=course.values * factor, unit=unit, source=BY_SIZE)
     if np.abs(known).max() > 2 * np.pi:
         return course
-    per_latitude, per_longitude = metres_per_radian(position[:, 0], 0.0)
-    step = np.diff(np.unwrap(position[:, 1])) * per_longitude[1:] * 1j
-    step += np.diff(position[:, 0]) * per_latitude[1:]
+    step = _steps(position)
     fast = (np.abs(step) > _FAST_ENOUGH * np.diff(time)) & np.isfinite(stated[1:])
     if fast.sum() < _MIN_LEGS:
         return course

@@ -15,7 +15,7 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.units import FOOT, STANDARD_GRAVITY
+from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.log_check import windows_of
 from lab.data.checks.velocity_matching import Window, match
 from lab.data.files.fields import SEA_LEVEL
@@ -142,43 +142,25 @@ def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column,
         return Column("", np.full(len(sheet), np.nan), "m", ""), "No column with heights is found."
     height = _in_metres(found, latitude)
     if found.source == "assumed" and _SIMCONNECT.search(found.name):
-        height = found._replace(values=found.values * FOOT, unit="ft", source="as SimConnect has it")
+        height = rescaled(found, "length", "ft", "as SimConnect has it")
     above = _FROM_START if _ABOVE_START.search(height.name) else ""
-    return height, f"Heights: {height.name}, in {height.unit} ({height.source}{_or_other(height)}).{above}"
+    # The heights of a level drive do not show their unit.
+    other = f'; --unit "{height.name}=ft" states another one' if height.source == "assumed" else ""
+    return height, f"Heights: {height.name}, in {height.unit} ({height.source}{other}).{above}"
 
 
 def _in_metres(height: Column, latitude: Column) -> Column:
-    if _is_of_transponder(height):
-        return height._replace(
-            values=height.values * FOOT,
-            unit="ft",
-            source="guessed: all are multiples of 25, as transponders send",
-        )
+    if height.source != "assumed":
+        return height
+    levels = np.unique(height.values[np.isfinite(height.values)])
+    if levels.size >= _MIN_LEVELS and (levels % _TRANSPONDER_STEP == 0).all():
+        source = "guessed: all are multiples of 25, as transponders send"
+        return rescaled(height, "length", "ft", source)
     whole = np.nanmax(np.abs(np.nan_to_num(height.values) % 1)) == 0
-    if (
-        height.source == "assumed"
-        and latitude.unit == "1e-7°"
-        and whole
-        and np.nanmax(height.values) > _MAX_METRES
-    ):
-        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
-    if height.source == "assumed" and np.nanmedian(np.abs(height.values)) > _HIGHEST:
-        return height._replace(values=height.values * 1e-3, unit="mm", source=BY_SIZE)
+    by_coordinates = latitude.unit == "1e-7°" and whole and np.nanmax(height.values) > _MAX_METRES
+    if by_coordinates or np.nanmedian(np.abs(height.values)) > _HIGHEST:
+        return rescaled(height, "length", "mm", BY_SIZE)
     return height
-
-
-def _is_of_transponder(height: Column) -> bool:
-    """Return whether all heights are multiples of 25, the step in which transponders send feet."""
-    known = height.values[np.isfinite(height.values)]
-    levels = np.unique(known)
-    return bool(
-        height.source == "assumed" and levels.size >= _MIN_LEVELS and (known % _TRANSPONDER_STEP == 0).all()
-    )
-
-
-def _or_other(height: Column) -> str:
-    """Return how the unit of heights is stated where it is assumed: those of a level drive do not show it."""
-    return f'; --unit "{height.name}=ft" states another one' if height.source == "assumed" else ""
 
 
 def unit_that_agrees(log: SensorLog, taken: str) -> tuple[str, float]:

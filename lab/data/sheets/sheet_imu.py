@@ -206,7 +206,14 @@ def triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
                 continue
             headings = tuple(axes[axis][0] for axis in "xyz")
             named = next((one for one in headings if one.unit), headings[0])
-            values = np.column_stack([_in_unit(*axes[axis], named.unit) for axis in "xyz"])
+            # Columns without a unit have that of the first one that names it.
+            factors = UNITS[named.kind]
+            values = np.column_stack(
+                [
+                    one.sign * (factors[one.unit] / factors[named.unit] if one.unit else 1.0) * numbers
+                    for one, numbers in (axes[axis] for axis in "xyz")
+                ]
+            )
             if np.isfinite(values).all(axis=1).any():
                 found.append(Triad(sheet, clock, values, headings, named.unit, named.source))
     return sorted(
@@ -222,13 +229,6 @@ def triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
 def is_of_another_device(sheet: Sheet) -> bool:
     """Return whether a table is of what is worn beside the phone that recorded it."""
     return _ANOTHER_DEVICE.search(sheet.name) is not None
-
-
-def _in_unit(heading: Heading, values: FloatArray, unit: str) -> FloatArray:
-    """Return a column in the unit of the first one that names it; one without a unit has the same."""
-    factors = UNITS[heading.kind]
-    factor = factors[heading.unit] / factors[unit] if heading.unit else 1.0
-    return np.asarray(heading.sign * factor * values)
 
 
 def _scaled(triad: Triad, unit: str, source: str) -> Triad:

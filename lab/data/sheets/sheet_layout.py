@@ -190,7 +190,10 @@ def _known(
         else:
             found = heading_of(triples[cell], name) if cell in triples else None
             found = replace(found, text=cell) if found else heading_of(cell, name) if cell else None
-            known.append(found if found is None or profile is None else _defaulted(found, profile))
+            if found is not None and profile is not None and not found.unit:
+                unit = unit_of(found.kind, profile.defaults.get(found.quantity, ""))
+                found = replace(found, unit=unit, source=f"as {profile.name} writes") if unit else found
+            known.append(found)
     return tuple(known)
 
 
@@ -232,12 +235,6 @@ def _of_profile(cell: str, profile: Profile) -> Heading | None:
     source = profile.source or f"as {profile.name} writes"
     rank = place if profile.simulator else -100
     return found and replace(found, sensor=profile.name, source=source, rank=rank)
-
-
-def _defaulted(found: Heading, profile: Profile) -> Heading:
-    """Return a column in the unit that a profile says for its quantity, if its heading names none."""
-    unit = unit_of(found.kind, profile.defaults.get(found.quantity, ""))
-    return found if found.unit or not unit else replace(found, unit=unit, source=f"as {profile.name} writes")
 
 
 def _corrected(cell: str, text: str, name: str) -> Heading | None:

@@ -508,8 +508,8 @@ def test_what_gives_no_flight_is_refused(file, text, words):
 
 
 def test_other_text_is_not_taken_for_nmea():
-    assert not receiver_file.recognises_nmea(b"time,lat,lon\n1,2,3\n$GPGGA\n")
-    assert not receiver_file.recognises_nmea(b"")
+    assert not receiver_file.recognises(receiver_file.NMEA, b"time,lat,lon\n1,2,3\n$GPGGA\n")
+    assert not receiver_file.recognises(receiver_file.NMEA, b"")
 
 
 @pytest.mark.parametrize("dated", [True, False])
