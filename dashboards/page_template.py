@@ -11,6 +11,7 @@ from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
 from dashboards.style import DRESS, THEME
+from dashboards.upstream.components import material_bundle
 from dashboards.upstream.server import leave_out_hooks
 
 SCRIPT = Path(__file__).with_name("upstream") / "upstream.js"
@@ -42,9 +43,18 @@ SKIP = """
 A panel of a tab hears the keys of the page, as Space; see ``history_bar.js``.
 """
 
+SHIMS, WEB_GL = "/es-module-shims.min.js", "/bokeh-gl.min.js"
+"""Scripts that Panel has every page load and none of the laboratory needs: all browsers that it supports import
+modules by themselves, see ``upstream.js``, and no plot is drawn with WebGL."""
+
 PAGE = Environment().from_string(
     f"""
 {{% extends base %}}
+{{% block js_resources %}}
+<link rel="modulepreload" href="{{{{ bundle() }}}}">
+{{% for line in bokeh_js.splitlines() if not ("{SHIMS}" in line or "{WEB_GL}" in line) %}}{{{{ line }}}}
+{{% endfor %}}
+{{% endblock %}}
 {{% block postamble %}}{{{{ super() }}}}
 <script>
 window.insLabOpened = window.location.search;  // for history_bar.js
@@ -55,9 +65,13 @@ window.insLabOpened = window.location.search;  // for history_bar.js
 {SKIP}
 {{{{ super() }}}}
 {{% endblock %}}
-"""
+""",
+    globals={"bundle": material_bundle},
 )
-"""Panel's page, with a script after those of Bokeh and before the one that makes the page."""
+"""Panel's page, with a script after those of Bokeh and before the one that makes the page.
+
+The code of the components, a third of all, is on its way before the page names it.
+"""
 
 
 def page_frame(

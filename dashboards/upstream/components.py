@@ -20,6 +20,7 @@ from panel.viewable import is_viewable_param
 from panel.widgets.base import WidgetBase
 from panel_material_ui.base import MaterialComponent
 from panel_material_ui.theme import MaterialDesign
+from panel_material_ui.widgets import Button
 
 MOST_PATHS = 1024
 """Most pairs of file and folder whose relation is cached; a page needs 60."""
@@ -31,6 +32,11 @@ _FOLLOWED = (WidgetBase, param.Parameter)
 def send_to_browser(component: ReactiveESM, content: Any) -> None:
     """Send something to the browser's part of a component; nothing of it is kept."""
     component._send_msg(content)
+
+
+def material_bundle() -> str:
+    """Return the address of the file with the code of all components of Material, as they name it."""
+    return str(Button._render_esm(compiled=True, server=True))
 
 
 def begin_components_faster() -> None:

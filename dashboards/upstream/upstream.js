@@ -103,22 +103,47 @@
   };
 
   // Each component that changes its size has the whole page laid out. A plot needs that at once; the others
-  // share one layout in the next frame, because the browser itself has placed them.
+  // share one layout in the next frame, because the browser itself has placed them. While a page is made, each of its
+  // parts has it laid out again, too: they share a layout once the browser has made what it could.
   const waiting = new Set();
   const after_resize = original(LayoutDOMView, "_after_resize");
   const root_of = (view) => view.is_managed ? root_of(view.parent) : view;
+  const lay_out_soon = (root, call) => {
+    if (waiting.has(root)) { return; }
+    waiting.add(root);
+    call(() => {
+      waiting.delete(root);
+      if (!root.el.isConnected) { return; }
+      if (root instanceof ESMView) { lay_out_root.call(root); } else { root.compute_layout(); }
+    });
+  };
+  const once_made = (call) => window.requestIdleCallback ? requestIdleCallback(call, {timeout: 150}) : setTimeout(call, 50);
   LayoutDOMView.prototype._after_resize = function() {
     const root = root_of(this);
     if (this instanceof PlotView || !root._layout_computed) {
       after_resize.call(this);
-    } else if (!waiting.has(root)) {
-      waiting.add(root);
-      requestAnimationFrame(() => {
-        waiting.delete(root);
-        if (root.el.isConnected) { root.compute_layout(); }
-      });
+    } else {
+      lay_out_soon(root, is_made(root) ? requestAnimationFrame : once_made);
     }
   };
+  const ReactiveESM = Bokeh.Models.get("panel.models.esm.ReactiveESM");
+  const ESMView = ReactiveESM.prototype.default_view;
+  const lay_out_root = original(ESMView, "compute_layout");
+  const is_made = (root) => !(root instanceof ESMView) || root.model.document?.is_idle !== false;
+  ESMView.prototype.compute_layout = function() {
+    if (this.is_managed || !this._layout_computed || is_made(this)) {
+      lay_out_root.call(this);
+    } else {
+      lay_out_soon(this, once_made);
+    }
+  };
+
+  // Panel compiles the code of each component from TypeScript, again for each one of a kind. That of the laboratory is
+  // plain JavaScript. It is imported by the browser itself, which keeps what it has compiled.
+  original(ReactiveESM, "compile");
+  ReactiveESM.prototype.compile = function() { return this.esm; };
+  window.importShim = (address) => import(new URL(address, document.baseURI));
+  window.importShim.addImportMap = () => {};  // bundles import nothing
 
   // A component writes what the server tells it back a moment later. In a slow browser a newer value may have come
   // meanwhile: it was undone, and with it the position of a slider. A component writes what it sets itself.

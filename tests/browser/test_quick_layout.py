@@ -83,3 +83,55 @@ def test_components_that_change_their_size_share_a_layout(shared_page: Page) -> 
     assert 1 <= counts["layouts"] <= counts["fields"] / 3  # Bokeh alone lays the page out for each
     shared_page.evaluate(COUNTED, "")
     wait_for(shared_page, IDLE)
+
+
+MADE = """
+async () => {
+  const [root] = Bokeh.index.roots, {LayoutDOMView} = Bokeh.require("models/layouts/layout_dom");
+  const measure = LayoutDOMView.prototype.measure_layout, document = Bokeh.documents[0];
+  let layouts = 0;
+  LayoutDOMView.prototype.measure_layout = function() {
+    if (this === root) layouts += 1;
+    measure.call(this);
+  };
+  Object.defineProperty(document, "is_idle", {configurable: true, value: false});
+  for (let part = 0; part < 20; part++) root.compute_layout();
+  const at_once = layouts;
+  await new Promise((resolve) => setTimeout(() => requestIdleCallback(resolve), 300));
+  delete document.is_idle;
+  LayoutDOMView.prototype.measure_layout = measure;
+  return [at_once, layouts];
+}
+"""
+"""Asks for twenty layouts of a page that is still made; counts those at once, and all."""
+
+
+def test_the_parts_of_a_page_that_is_made_share_a_layout(shared_page: Page) -> None:
+    wait_for(shared_page, IDLE)
+    at_once, layouts = shared_page.evaluate(MADE)
+    assert at_once == 0
+    assert 1 <= layouts <= 4  # a busy browser may still have one of its own to do
+
+
+FILES = """
+performance.getEntriesByType("resource").map((file) => new URL(file.name).pathname.split("/").pop())
+"""
+
+
+def test_a_page_loads_the_code_of_its_components_once_and_none_that_it_does_not_need(
+    shared_page: Page,
+) -> None:
+    files = shared_page.evaluate(FILES)
+    assert files.count("panel-material-ui.bundle.js") == 1
+    link, begun = shared_page.evaluate(
+        """() => {
+          const bundle = (one) => one.name.includes("/panel-material-ui.bundle.js");
+          const found = performance.getEntriesByType("resource").find(bundle);
+          return [document.querySelector("link[rel=modulepreload]").href === found.name, found.startTime];
+        }"""
+    )
+    assert link
+    assert begun < shared_page.evaluate(
+        "performance.getEntriesByType('navigation')[0].domContentLoadedEventStart"
+    )
+    assert not {"es-module-shims.min.js", "bokeh-gl.min.js"} & set(files)
