@@ -44,8 +44,8 @@ A panel of a tab hears the keys of the page, as Space; see ``history_bar.js``.
 """
 
 SHIMS, WEB_GL = "/es-module-shims.min.js", "/bokeh-gl.min.js"
-"""Scripts that Panel has every page load and none of the laboratory needs: all browsers that it supports import
-modules by themselves, see ``upstream.js``, and no plot is drawn with WebGL."""
+"""Scripts that Panel has every page load and none of the laboratory needs: browsers import modules by
+themselves, see ``upstream.js``, and no plot is drawn with WebGL."""
 
 PAGE = Environment().from_string(
     f"""

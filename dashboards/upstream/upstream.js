@@ -117,7 +117,9 @@
       if (root instanceof ESMView) { lay_out_root.call(root); } else { root.compute_layout(); }
     });
   };
-  const once_made = (call) => window.requestIdleCallback ? requestIdleCallback(call, {timeout: 150}) : setTimeout(call, 50);
+  const once_made = (call) => {
+    if (window.requestIdleCallback) { requestIdleCallback(call, {timeout: 150}); } else { setTimeout(call, 50); }
+  };
   LayoutDOMView.prototype._after_resize = function() {
     const root = root_of(this);
     if (this instanceof PlotView || !root._layout_computed) {
