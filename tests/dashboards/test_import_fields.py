@@ -157,6 +157,38 @@ def test_a_table_of_which_nothing_is_known_is_shown_with_the_refusal(draft: Draf
     assert len(draft._raw.time) == 60
 
 
+def test_a_flight_whose_columns_could_be_a_log_too_shows_them(draft: Draft, tmp_path: Path) -> None:
+    """Of the IMU, the headings name no quantity, so only the path was read."""
+    _, *lines = rest(tmp_path / "imu.csv", 9.8).read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "turning.csv"
+    heading = "t_ms,p,q,r,Acc X,Acc Y,Acc Z,LAT,LON,H"
+    path.write_text("\n".join([heading, *lines]), encoding="utf-8")
+    draft.read([path])
+    assert draft._body.visible and draft._read is not None and draft._read.log is None
+    assert "As a sensor log it is refused" in draft._log_report.object
+    assert draft._table.view.visible
+    for axis, rate in zip("xyz", "pqr", strict=True):
+        choose(draft, rate, quantity="rate", axis=axis, unit="rad/s")
+        choose(draft, f"Acc {axis.upper()}", quantity="force", axis=axis, unit="m/s²")
+    choose(draft, "H", quantity="height", axis="+", unit="m")
+    draft._table._applied()
+    assert draft._read.log is not None, draft._read.log_refused
+
+
+def test_two_columns_said_to_be_the_same_are_named(draft: Draft, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text("a,b,c\n" + "".join(f"{i},{45 + 1e-4 * i},-73.2\n" for i in range(60)), encoding="utf-8")
+    draft.read([path])
+    choose(draft, "a", quantity="time", axis="+", unit="s")
+    for heading in "bc":
+        choose(draft, heading, quantity="latitude", axis="+", unit="°")
+    draft._table._applied()
+    assert "said to be latitude: b, c." in draft._table._said.object
+    choose(draft, "c", quantity="longitude", axis="+", unit="°")
+    draft._table._applied()
+    assert draft._table._said.object == ""
+
+
 @pytest.mark.parametrize(
     "edits",
     [{"x": {}}, {"99": {"quantity": "rate"}}, {"0": "rate"}, {"0": {"quantity": "wing"}},

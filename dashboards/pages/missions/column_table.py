@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from dashboards.style import whole_column, wide_html
 from dashboards.titled import Card
 from lab.data.files.unit_names import UNITS
 from lab.data.sheets.column_names import IGNORED, SCALARS, VECTORS, kind_of
-from lab.data.sheets.column_proposals import Proposal
+from lab.data.sheets.column_proposals import ANSWERED, Proposal
 from lab.data.sheets.profile_check import profile_toml
 
 _HERE = Path(__file__).parent
@@ -127,7 +128,7 @@ class ColumnTable:
         self._table.edits = {}
         self._table.columns = [_row(one, several) for one in proposals]
         self._back.disabled = not undoable
-        self._said.object = ""
+        self._said.object = _repeated(proposals)
         self.view.visible = bool(proposals)
 
     def kept_for(self, proposals: Sequence[Proposal]) -> dict[str, str]:
@@ -182,6 +183,20 @@ class ColumnTable:
 
     def _named(self) -> str:
         return str(self._name.value or "").strip()[:_MAX_NAME] or "My logger"
+
+
+def _repeated(proposals: Sequence[Proposal]) -> str:
+    """Return which columns of one file a person says are the same quantity, as HTML."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for one in proposals:
+        if one.said != IGNORED and one.evidence == ANSWERED:
+            found.setdefault((one.file, one.said.lstrip("-").partition("[")[0]), []).append(one.heading)
+    return " ".join(
+        f"More than one column is said to be {_LABELS.get(name, name.replace('_', ' '))}: "
+        f"{escape(', '.join(headings))}."
+        for (_, name), headings in found.items()
+        if len(headings) > 1
+    )
 
 
 def _row(one: Proposal, with_file: bool) -> dict[str, Any]:

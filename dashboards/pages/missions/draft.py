@@ -224,11 +224,12 @@ class Draft:
         self._preview[:] = list(_panes(flight))
 
     def _show_columns(self, read: _Read) -> None:
-        """Show the columns of a csv if something is guessed, unknown or said by a person."""
+        """Show the columns of a csv if something is guessed, unknown or said by a person, or it is no log."""
         if read.kept:
             self._columns.add(read.kept, read=False)
         told = bool(self._columns.columns) or self._columns.undoable
-        shown = read.flight is None or told or any(one.unsure for one in read.columns)
+        refused = read.log is None and bool(read.log_refused)
+        shown = read.flight is None or told or refused or any(one.unsure for one in read.columns)
         self._table.show(read.columns if shown else (), undoable=self._columns.undoable)
 
     def _ask(self, read: _Read) -> None:

@@ -25,6 +25,8 @@ _LOOKED_AT = 2**21
 """Bytes of each table that are looked at: some minutes of an IMU."""
 MOST = 300
 """Most columns for which there is a proposal."""
+ANSWERED = "You said so."
+"""Evidence for what a person says of a column."""
 _UNSURE = ("guessed", "assumed")
 """How the sources of units begin that a person should look at."""
 
@@ -92,7 +94,7 @@ def column_proposals(
             proposal = _proposed(sheet.name, one, seen.get(one.text), question.get(one.text, ""), given)
             found.setdefault((sheet.name, one.text), proposal)
         for text in sheet.unknown:
-            why = "You said so." if text in said else "Its heading names no quantity."
+            why = ANSWERED if text in said else "Its heading names no quantity."
             found.setdefault((sheet.name, text), Proposal(sheet.name, text, IGNORED, why))
     return list(found.values())[:MOST]
 
@@ -108,7 +110,7 @@ def _proposed(file: str, one: Heading, seen: tuple[str, str] | None, question: s
         return Proposal(file, one.text, written(one, ""), f"{question}: the data do not decide.", True)
     accepted = unit if unit in UNITS.get(one.kind, {}) else ""
     in_words = f"In {unit}: {source}." if unit and source else "Its heading names the quantity."
-    evidence = "You said so." if given else in_words
+    evidence = ANSWERED if given else in_words
     unsure = source.startswith(_UNSURE) and not given
     unsure &= source != "assumed" or one.quantity not in {"latitude", "longitude"}
     return Proposal(file, one.text, written(one, accepted), evidence, unsure)
