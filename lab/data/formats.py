@@ -207,6 +207,7 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
     advice = (
         what_is_damaged(path, head)
         or advice_on_frames(head)
+        or (sensor_csv.missing_time_reason(head) if advice == _TABLE else "")
         or (sensor_csv.what_is_missing(head) if advice in ("", _TABLE) else "")
         or advice
     )

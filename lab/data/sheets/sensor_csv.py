@@ -52,7 +52,7 @@ from lab.data.sheets.sheet_field import field_of
 from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
 from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, refuse_cm_per_s2, without_gravity
-from lab.data.sheets.sheet_layout import as_utf8, layout_of
+from lab.data.sheets.sheet_layout import as_utf8, cells_of, layout_of
 from lab.data.sheets.sheet_pressure import barometer_of
 from lab.data.sheets.sheet_sources import (
     KITTI_FRAME,
@@ -83,6 +83,8 @@ _MOST_CONTROLS = 0.02
 """Largest part of them in a text with damaged rows: tables of loggers had none, noise at least 5.3 %."""
 _MAX_REPORT = 1500
 """Longest report of columns in a message [characters]."""
+_NUMBER = re.compile(r"[+-]?\.?\d")
+"""How a number begins: prose is no header, and has no numbers below."""
 _STAMPS = {"time", "seconds", "clock", "date", "second"}
 _POSITION = ("latitude", "longitude")
 _QUATERNION = ("q0", "q1", "q2", "q3")
@@ -145,7 +147,7 @@ def what_is_missing(head: bytes) -> str:
     """Return what a table lacks whose headings name some quantities; else an empty text."""
     names = {one.quantity for one in _known_in(head)} - _STAMPS
     if not names or _has_samples(names):
-        return missing_time_reason(head)
+        return missing_time_reason(head) if set(_POSITION) <= names else ""
     return (
         f"{_listed(head)}, and none of its headings names a position, a gyro or an accelerometer: --column "
         "HEADING=QUANTITY[UNIT] says what a column is."
@@ -158,9 +160,13 @@ def _known_in(head: bytes) -> list[Heading]:
         layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
     except MissionError:
         return []
-    known = () if layout is None else [one for one in layout.known if one is not None]
-    is_prose = layout is not None and layout.delimiter == " " and len(known) < _MIN_QUANTITIES
-    return [] if is_prose else [one for one in known if one.quantity != "craft"]
+    if layout is None:
+        return []
+    below = as_table(as_utf8(head)).split(b"\n", layout.line + 4)[layout.line + 1 : layout.line + 4]
+    rows = [cells_of(line.decode("utf-8", "replace"), layout.delimiter) for line in below]
+    is_prose = not any(len(row) == len(layout.headings) and _NUMBER.match(row[-1] or row[0]) for row in rows)
+    known = [one for one in layout.known if one is not None and one.quantity != "craft"]
+    return [] if is_prose else known
 
 
 def _has_samples(names: AbstractSet[str]) -> bool:
@@ -416,10 +422,14 @@ def tables_in(path: Path, data: bytes) -> list[tuple[str, bytes]]:
 def _parted(name: str, data: bytes) -> list[tuple[str, bytes]]:
     """Return the tables in a text whose rows are of several kinds, named by these; others as they are."""
     head = as_utf8(data[:_HEAD_BYTES])
-    tables = json_tables if is_json(head) else long_tables if is_long(head) else None
-    found = tables(as_utf8(data)) if tables else []
+    of_file, found = "", []
+    if is_json(head):
+        found = json_tables(as_utf8(data))
+    elif is_long(head):
+        found, of_file = long_tables(as_utf8(data)), f" of {name}"
     stem = name.partition(".")[0]
-    return [(f"{(kind or stem).replace('.', ' ')}.csv", table) for kind, table in found] or [(name, data)]
+    named = [(f"{(kind or stem).replace('.', ' ')}.csv{of_file}", table) for kind, table in found]
+    return named or [(name, data)]
 
 
 def _wanted(names: Sequence[str]) -> list[str]:
