@@ -46,6 +46,9 @@ FAULTS: dict[str, dict[str, object]] = {
     },
     "delay of 0.2 s left out": {"sensors.gps.latency": 0.2, "navigator.latency": 0.0},
     "magnetometer off by 20°": {**MAGNETOMETER, "sensors.heading.declination": DECLINATION + 20},
+    "gyros clip at 8 °/s": {"sensors.gyro.range": 8.0},
+    "accelerometers clip at 1.05 g": {"sensors.accelerometer.range": 1.05},
+    "vibration of 2 m/s²": {},
     "lane switch": {},
     "glitch of 30 m for 10 s": {},
 }
@@ -54,12 +57,20 @@ RIGHT = {
     "R 10 times too large": ("R too large (remark)",),
     "Q 10 times too small": ("Q too small", "GPS too small"),
     "Q 10 times too large": ("Q too large",),
+    "delay of 0.2 s left out": ("delay",),
     "magnetometer off by 20°": ("heading",),
+    "gyros clip at 8 °/s": ("delay",),
+    "accelerometers clip at 1.05 g": ("GPS too small", "gate"),
+    "vibration of 2 m/s²": ("Q too small", "GPS too small"),
     "lane switch": ("lane",),
     "glitch of 30 m for 10 s": ("GPS",),
 }
-"""What is right to name first; GPS too small says: Q is too small, or errors last. Silence is never wrong."""
-GLITCH, LANE = "glitch of 30 m for 10 s", "lane switch"
+"""What is right to name first; GPS too small says: Q is too small, or errors last. Gyros that clip make the
+attitude late, as the sentence of an early fix says; of accelerometers that clip, when and in which channel is
+all that is said. Silence is never wrong."""
+GLITCH, LANE, SHAKEN = "glitch of 30 m for 10 s", "lane switch", "vibration of 2 m/s²"
+VIBRATION = 2.0
+"""σ of each sample of the accelerometers [m/s²], white, of which the filter knows nothing."""
 BEGIN = 100.0
 """When lane or position change, from the start of the log [s]."""
 ORDER = [3, 4, 5, 0, 1, 2]
@@ -82,6 +93,10 @@ def flown(fault: str, seed: int, folder: Path) -> Result:
         experiment = Experiment(mission=str(write(folder / "log", log)))
         experiment.navigator.gate = 0.999999
         return experiment.run()
+    if fault == SHAKEN:
+        log = tables(20, 200, seed=seed)
+        log.imu[:, 4:] += VIBRATION * np.random.default_rng(seed).normal(size=(len(log.imu), 3))
+        return Experiment(mission=str(write(folder / "log", log))).run()
     experiment = Experiment(mission="montreal", seed=seed)
     experiment.sensors.gps.period = 0.2
     for sensor in (experiment.sensors.gyro, experiment.sensors.accelerometer):

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from lab.analysis.verdicts.finding import Wording
 
+_FOLLOW = "The innovations of the fixes follow the motion: the fixes are some {size} s "
+_LATE = _FOLLOW + "later than the filter assumes"
+_EARLY = _FOLLOW + "earlier than the filter assumes, or its inertial data are as late or clip in turns"
+_CHECK_DELAY = "Check the delay of the receiver that the filter assumes"
+_CHECK_GYROS = ", the range of the gyros, and the filters before them."
+
 FOREIGN_FINDINGS: dict[str, Wording] = {
     "size": Wording(
         "R {kind}",
@@ -55,6 +61,18 @@ FOREIGN_FINDINGS: dict[str, Wording] = {
         "The {kind} innovations follow the acceleration, turned by 90°: the heading was off by some {size}° "
         "while the velocity changed.",
         "Check what the heading is from: the magnetometer, its declination, what disturbs it, or the start.",
+    ),
+    "late": Wording("delay", _LATE + ".", _CHECK_DELAY + "."),
+    "late at one speed": Wording(
+        "delay",
+        _LATE + ", or the antenna is some {way} m farther back, which is the same at one speed.",
+        _CHECK_DELAY + ", and the place of the antenna.",
+    ),
+    "early": Wording("delay", _EARLY + ".", _CHECK_DELAY + _CHECK_GYROS),
+    "early at one speed": Wording(
+        "delay",
+        _EARLY + ", or the antenna is some {way} m farther ahead, which is the same at one speed.",
+        _CHECK_DELAY + _CHECK_GYROS,
     ),
     "rejected": Wording(
         "gate",

@@ -33,6 +33,7 @@ from lab.analysis.verdicts.finding import (
     written,
     wrong_by,
 )
+from lab.analysis.verdicts.foreign_delay import of_delay
 from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement, following, measured
 from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_motion import of_heading
@@ -106,7 +107,8 @@ def judge_foreign(
     weighed = [entry for one in judged for entry in _of_size(one, len(judged))]
     gnss, epoch = (None, 0.0) if sensors is None else (sensors.gnss, sensors.epoch)
     turned = [] if gnss is None else [entry for one in judged for entry in of_heading(one, gnss, epoch)]
-    gain = None if weighed or turned else _gain(judged)  # size or heading says it already
+    turned += [] if gnss is None else of_delay(judged, gnss, epoch)
+    gain = None if weighed or turned else _gain(judged)  # size, heading or delay says it already
     weighed += turned + _of_gain(gain)
     weighed += [entry for one in judged for entry in _of_bias(one)]
     weighed += [entry for one in found for entry in _of_rejections(one)]

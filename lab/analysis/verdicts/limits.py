@@ -195,6 +195,19 @@ class VerdictLimits:
         Least ratio of that growth to the growth by a delay: in an even turn both explain alike.
     foreign_heading : float
         Smallest heading error that innovations name [rad]: magnetometers of autopilots err by as much.
+    foreign_delay, longest_delay : float
+        Smallest and largest delay that innovations name [s]: receivers have 0.05 to 0.3 s, and accelerometers
+        that clip look like seconds.
+    delay_gain : float
+        Growth of the log-likelihood from which innovations name a delay: filters with another fault reached
+        70 on three missions, and those with 0.2 s at least 120.
+    delay_sigmas : float
+        The same of the delay in its σ by parts of the log: 5.3, with a growth of 49, and 5.7.
+    delay_over_heading : float
+        Least ratio of that growth to the growth by a wrong heading: at least 1.25 with a delay, at most 0.8
+        with a wrong heading.
+    delay_part : float
+        Growth by an antenna farther back, relative to that by a delay, from which both are named.
     upright_part : float
         Least specific force to the right, relative to the acceleration of the turns: between a coordinated
         turn, 0, and a flat one, 1. Cambered bends are in between, and bodies lean outwards.
@@ -265,6 +278,12 @@ class VerdictLimits:
     heading_gain: float = 12.0
     over_delay: float = 2.0
     foreign_heading: float = float(np.radians(5.0))
+    foreign_delay: float = 0.05
+    longest_delay: float = 0.5
+    delay_gain: float = 80.0
+    delay_sigmas: float = 5.0
+    delay_over_heading: float = 1.1
+    delay_part: float = 0.8
     upright_part: float = 0.5
 
     @property
