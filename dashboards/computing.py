@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
@@ -82,6 +83,8 @@ class LatestWins(Generic[T]):
         Pool that does the work.
     at_once
         Whether a newer item also ends the current work, when that next reports its progress.
+    turn
+        What has `deliver` called elsewhere than in that thread, such as `sending.turns_of_page`.
 
     Attributes
     ----------
@@ -98,8 +101,10 @@ class LatestWins(Generic[T]):
         pool: ThreadPoolExecutor = POOL,
         *,
         at_once: bool = False,
+        turn: Callable[[Callable[[], None]], None] = lambda deliver: deliver(),
     ) -> None:
         self._work = work
+        self._turn = turn
         self._deliver = deliver
         self._pool = pool
         self._at_once = at_once
@@ -166,7 +171,7 @@ class LatestWins(Generic[T]):
                 self._waiting = thing
             closed = self._closed
         if outcome is not None and not closed:
-            self._deliver(thing, outcome)
+            self._turn(partial(self._deliver, thing, outcome))
         self._next()
 
     def _progress(self, stage: str, fraction: float) -> None:

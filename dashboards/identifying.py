@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from functools import partial
 from html import escape
 
-import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.seen_names import as_seen
-from dashboards.sending import soon
+from dashboards.sending import turns_of_page
 from dashboards.session import Session
 from dashboards.style import choice_row, plain_column, wide_html
 from dashboards.widgets import SETTING
@@ -53,11 +51,11 @@ class Identifying:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._document = pn.state.curdoc
         self._result: Result | None = None
         self._found: Identification | None = None
         self._told = 0.0
-        self._work = LatestWins(self._attempt, self._deliver, LONG, at_once=True)
+        self._later = turns_of_page()
+        self._work = LatestWins(self._attempt, self._arrive, LONG, at_once=True, turn=self._later)
         self._ask = pmui.Button(
             label="Identify noise from the innovations", size="small", variant="outlined", margin=(8, 8)
         )
@@ -117,13 +115,6 @@ class Identifying:
                 self._later(partial(self._report, result, words))
 
         return attempt(lambda: result.identify(tell))
-
-    def _deliver(self, result: Result, outcome: Outcome) -> None:
-        self._later(partial(self._arrive, result, outcome))
-
-    def _later(self, callback: Callable[[], None]) -> None:
-        assert self._document is not None
-        soon(self._document, callback)
 
     def _report(self, result: Result, words: str) -> None:
         if result is self._result and self._found is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import panel as pn
 from bokeh.document import Document
 
 from dashboards.upstream.patch_messages import one_message
@@ -47,3 +48,14 @@ def soon(document: Document, callback: Callable[[], None]) -> None:
             document.add_next_tick_callback(callback)
 
     loop.add_callback(add)
+
+
+def turns_of_page() -> Callable[[Callable[[], None]], None]:
+    """Return what any thread may call, to have a function called in a turn of the page that is being made."""
+    document = pn.state.curdoc
+
+    def ask(callback: Callable[[], None]) -> None:
+        assert document is not None
+        soon(document, callback)
+
+    return ask

@@ -13,7 +13,7 @@ import panel as pn
 
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.pages.base import Page, not_drawn
-from dashboards.sending import soon, together
+from dashboards.sending import together, turns_of_page
 from dashboards.style import wide_html
 from lab.base.progress import Progress
 from lab.experiment.result import Result
@@ -43,7 +43,8 @@ class ComputedPage(Page):
         self._document = pn.state.curdoc
         self._wanted: Result | None = None
         self._content: tuple[Result, Any] | None = None
-        self._work = LatestWins(self._attempt, self._deliver, LONG, at_once=True)
+        self._later = turns_of_page()
+        self._work = LatestWins(self._attempt, self._arrive, LONG, at_once=True, turn=self._later)
         self._told = 0.0
         self.words = wide_html(margin=(10, 20, 2, 20), stylesheets=[_STYLE])
         super().__init__(axis)
@@ -110,13 +111,6 @@ class ComputedPage(Page):
         if result.is_long:
             give_back()
         return outcome
-
-    def _deliver(self, result: Result, outcome: Outcome) -> None:
-        self._later(partial(self._arrive, result, outcome))
-
-    def _later(self, callback: Any) -> None:
-        assert self._document is not None
-        soon(self._document, callback)
 
     def _report(self, result: Result, stage: str) -> None:
         if result is self._wanted:

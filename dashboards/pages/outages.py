@@ -14,7 +14,7 @@ from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.ensembles import who_runs
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.seen_names import as_seen
-from dashboards.sending import soon, together
+from dashboards.sending import together, turns_of_page
 from dashboards.settings_panel import check_variant
 from dashboards.style import plain_column, whole_column, wide_html
 from lab.base.progress import Progress
@@ -77,7 +77,10 @@ class Outages:
 
     def __init__(self) -> None:
         self._document = pn.state.curdoc
-        self._work: LatestWins[Plan] = LatestWins(self._attempt, self._deliver, LONG, at_once=True)
+        self._later = turns_of_page()
+        self._work: LatestWins[Plan] = LatestWins(
+            self._attempt, self._arrive, LONG, at_once=True, turn=self._later
+        )
         self._experiment: Experiment | None = None
         self._plan: Plan | None = None
         self._cards = pmui.Select(
@@ -161,13 +164,6 @@ class Outages:
             self._later(partial(self._draw, plan, table))
 
         return attempt(lambda: plan.compute(tell, show))
-
-    def _deliver(self, plan: Plan, outcome: Outcome) -> None:
-        self._later(partial(self._arrive, plan, outcome))
-
-    def _later(self, callback: partial[None]) -> None:
-        assert self._document is not None
-        soon(self._document, callback)
 
     def _report(self, plan: Plan, stage: str) -> None:
         if plan is self._plan and self._stop.visible:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lab.analysis.consistency import chi_square_interval
-from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_kinds import is_changed
 from lab.base.plain_data import plain
+from lab.experiment.ensembles.run_at_fixes import mean_of_known
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,8 +84,8 @@ def ensemble_json(ensemble: Ensemble, verdict: Verdict) -> dict[str, Any]:
         "changed": changed_settings(experiment),
         "errors": _errors(ensemble) if known else None,
         "horizontal": {
-            "p95": _known_mean(ensemble.most),
-            "outage_end": np.sqrt(_known_mean(ensemble.horizontal_at_outage_ends**2)),
+            "p95": mean_of_known(ensemble.most),
+            "outage_end": np.sqrt(mean_of_known(ensemble.horizontal_at_outage_ends**2)),
             "outage_end_p95": np.quantile(ensemble.horizontal_at_outage_ends, 0.95),
         }
         if known
@@ -145,26 +145,20 @@ def _point(there: xr.Dataset, dims: Sequence[str]) -> dict[str, Any]:
         parts = [one for one in there["quantity"].values if quantity in (one, one.split()[0])]
         chosen = there.sel(quantity=parts)
         rms, sigma = (
-            np.sqrt(_known_mean(np.sum(chosen[one].values ** 2, axis=-1))) for one in ("rms", "sigma")
+            np.sqrt(mean_of_known(np.sum(chosen[one].values ** 2, axis=-1))) for one in ("rms", "sigma")
         )
         errors[name] = {"unit": chosen["unit"].values[0], "rms": rms, "sigma": sigma}
     tests = {
-        name: _mean(_known_mean(there[name].values), _known_mean(there[f"{name}_degrees"].values))
+        name: _mean(mean_of_known(there[name].values), mean_of_known(there[f"{name}_degrees"].values))
         for name in ("nees", "nis")
     }
     return {
         "values": {there[dim].attrs["setting"]: there[dim].item() for dim in dims},
         "runs": np.isfinite(there["nis_degrees"].values).sum(),
         **errors,
-        "horizontal_95": _known_mean(there["horizontal_95"].values),
+        "horizontal_95": mean_of_known(there["horizontal_95"].values),
         **tests,
     }
-
-
-def _known_mean(values: FloatArray) -> float:
-    """Return the mean of what is known; NaN without any."""
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else float("nan")
 
 
 def _mean(mean: float, expected: float) -> dict[str, float] | None:

@@ -15,7 +15,7 @@ import panel_material_ui as pmui
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import sized
-from dashboards.sending import soon, together
+from dashboards.sending import together, turns_of_page
 from dashboards.style import WRAP, plain_column, plain_row
 from lab.base.progress import Progress
 
@@ -54,7 +54,8 @@ class Job:
         closeable: bool = False,
     ) -> None:
         self._document = pn.state.curdoc
-        self._work: LatestWins[_Task] = LatestWins(self._attempt, self._deliver, pool)
+        self._later = turns_of_page()
+        self._work: LatestWins[_Task] = LatestWins(self._attempt, self._arrive, pool, turn=self._later)
         self._told = 0.0
         self._bar = pmui.LinearProgress(value=0, max=100, sizing_mode="stretch_width", margin=(14, 8))
         self._words = pn.pane.HTML("", margin=(4, 4), **sized(210))
@@ -106,13 +107,6 @@ class Job:
                 self._later(partial(self._show, words, fraction))
 
         return attempt(lambda: task.work(tell))
-
-    def _deliver(self, task: _Task, outcome: Outcome) -> None:
-        self._later(partial(self._arrive, task, outcome))
-
-    def _later(self, callback: Callable[[], None]) -> None:
-        assert self._document is not None
-        soon(self._document, callback)
 
     def _show(self, words: str, fraction: float) -> None:
         self._words.object = f"{escape(words)} …"
