@@ -321,6 +321,8 @@ def end_left_pages(after: float, waits: Callable[[Document], bool]) -> None:
         return
 
     def end(session: ServerSession) -> None:
+        if session.destroyed:
+            return
         if waits(session.document):
             IOLoop.current().call_later(after, end, session)
         else:

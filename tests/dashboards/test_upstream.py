@@ -21,6 +21,7 @@ from bokeh.events import Event
 from bokeh.model.util import visit_value_and_its_immediate_references
 from bokeh.models import Line, Model, Range1d
 from bokeh.models.annotations import Title
+from bokeh.server.session import ServerSession
 from bokeh.server.views.ws import WSHandler
 from bokeh.themes import Theme
 from bokeh.util import callback_manager
@@ -287,6 +288,20 @@ def test_a_document_has_another_version_with_each_model_that_it_gets_or_loses() 
     assert versions[0] != versions[1] != versions[2]
 
 
+def test_a_session_that_has_ended_is_not_asked_to_end_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its document is gone then: the server's log had an error for each page that ended sooner."""
+    asked: list[Callable[[], None]] = []
+    loop = SimpleNamespace(call_later=lambda after, call, *some: asked.append(partial(call, *some)))
+    monkeypatch.setattr(server, "IOLoop", SimpleNamespace(current=lambda: loop))
+    monkeypatch.setattr(WSHandler, "on_close", lambda handler: None)
+    session = ServerSession("id", Document(), io_loop=loop)
+    end_left_pages(8.0, lambda document: False)
+    WSHandler.on_close(SimpleNamespace(close_code=1001, connection=SimpleNamespace(_session=session)))
+    session.destroy()
+    asked.pop()()
+    assert not session.expiration_requested
+
+
 @pytest.mark.parametrize(("code", "ends"), [(1001, True), (1006, False), (None, False)])
 def test_a_session_ends_sooner_only_if_its_browser_has_left(
     code: int | None, ends: bool, monkeypatch: pytest.MonkeyPatch
@@ -298,7 +313,9 @@ def test_a_session_ends_sooner_only_if_its_browser_has_left(
     loop = SimpleNamespace(call_later=lambda after, call, *some: asked.append(partial(call, *some)))
     monkeypatch.setattr(server, "IOLoop", SimpleNamespace(current=lambda: loop))
     monkeypatch.setattr(WSHandler, "on_close", lambda handler: handler.connection.detach_session())
-    session = SimpleNamespace(request_expiration=lambda: ended.append("now"), document=Document())
+    session = SimpleNamespace(
+        request_expiration=lambda: ended.append("now"), document=Document(), destroyed=False
+    )
     connection = SimpleNamespace(_session=session)
     connection.detach_session = lambda: setattr(connection, "_session", None)
     for _ in range(2):  # each page of a server asks for it
