@@ -37,7 +37,7 @@ _MISSION = {
     "maxWidth": "min(240px, 34vw)",
     "whiteSpace": "nowrap",
     "overflow": "hidden",
-    "@media (max-width: 480px)": {"maxWidth": "100%"},  # of its row
+    "@media (max-width: 480px)": {"maxWidth": "100%", "justifyContent": "flex-start"},  # of its row
 }
 
 

@@ -173,21 +173,27 @@ class SchoolClass:
         self._tell_leader()
 
     def leave(self, seat: Seat) -> None:
-        """Give a seat up, or the lead."""
+        """Give a seat up, or the lead, of which all who follow are told."""
         with self._lock:
             self._seats = [one for one in self._seats if one is not seat]
             self._untold.pop(seat, None)
-            if self._leader is seat:
+            leaves = self._leader is seat
+            followers = [one for one in self._seats if leaves and one.follows]
+            if leaves:
                 self._led, self._leader = self._clock(), None
+        for one in followers:
+            one.notify()
         self._tell_leader()
 
     def lead(self, seat: Seat) -> None:
-        """Give the lead to a page of a teacher; the page that had it is told."""
+        """Give the lead to a page of a teacher; the page that had it is told, or else all who follow."""
         with self._lock:
             before, self._leader, self._led = self._leader, seat, self._clock()
             self._seats = [one for one in self._seats if one is not seat]
-        if before is not None and before is not seat:
-            before.notify()
+            told = [one for one in self._seats if one.follows] if before is None else [before]
+        for one in told:
+            if one is not seat:
+                one.notify()
 
     def is_led_by(self, seat: Seat) -> bool:
         """Return whether a page has the lead; the class then waits for its teacher anew."""

@@ -30,6 +30,7 @@ from dashboards.teaching.school_class import SchoolClass, Seat
 FOLLOWING = "You follow your teacher."
 KEPT = "You follow your teacher. Your own settings are kept."
 WAITING = "Your teacher has not shown anything yet."
+AWAY = "Your teacher has left. This page goes on following once your teacher is back."
 OWN_WAY = "You are exploring. Your teacher continues."
 ENDED = "The class has ended. Your page stays as it is."
 QUIET = 3.0
@@ -268,6 +269,8 @@ class StudentBar:
             text = OWN_WAY
         elif self._class.moment is None:
             text = WAITING
+        elif not self._class.is_led:
+            text = AWAY
         else:
             text = KEPT if self._own is not None else FOLLOWING
             if self._told is not None:

@@ -18,7 +18,7 @@ from dashboards.teaching import teacher
 from dashboards.teaching.class_bar import NO_CLASS
 from dashboards.teaching.class_register import CLASSES
 from dashboards.teaching.school_class import SchoolClass
-from dashboards.teaching.student_bar import ENDED, FOLLOWING, KEPT, OWN_WAY, StudentBar
+from dashboards.teaching.student_bar import AWAY, ENDED, FOLLOWING, KEPT, OWN_WAY, StudentBar
 from dashboards.teaching.teacher_bar import TeacherBar
 from lab.classroom.gallery.faults import FAULTS
 from lab.experiment.experiment import Experiment
@@ -386,6 +386,26 @@ def test_a_teacher_who_reloads_leads_on_from_where_the_class_is(room: Room) -> N
     room.look()
     settle(student)
     assert student.title == "Covariance"
+
+
+def test_students_hear_that_their_teacher_has_left_and_is_back(room: Room) -> None:
+    student, own = room.student(), room.student()
+    bar(own).wander()
+    with set_curdoc(room.teacher._document):
+        room.lead.close()
+    settle(student, own)
+    assert (words(student), words(own)) == (AWAY, OWN_WAY)
+    late = room.student()
+    assert words(late) == AWAY
+    again = room.teacher_again()
+    found = again.page._class._bar
+    assert isinstance(found, TeacherBar)
+    with set_curdoc(again._document):
+        found.lead(bar(student).school_class)  # type: ignore[arg-type]
+        found._look()
+    settle(again, student, late)
+    assert words(student).startswith(FOLLOWING)
+    assert words(late).startswith(FOLLOWING)
 
 
 def test_a_closed_class_leaves_the_students_their_pages(room: Room) -> None:
