@@ -73,7 +73,9 @@ DRESS: dict[str, Any] = {
     "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem", "whiteSpace": "nowrap"},
     "@media (max-width: 480px)": {
         "& .MuiToolbar-root": {"minHeight": f"{TWO_ROWS} !important"},
-        "& .MuiAppBar-root .MuiToolbar-root": {"flexWrap": "wrap", "padding": "0 6px"},
+        "& .MuiAppBar-root .MuiToolbar-root": {
+            "flexWrap": "wrap", "alignContent": "center", "height": TWO_ROWS, "padding": "0 6px"
+        },
         "& .MuiAppBar-root .MuiToolbar-root > .MuiBox-root:last-of-type": {"display": "contents"},
         "& .MuiAppBar-root .MuiToolbar-root > button:last-child": {"order": 1},
         "& .child-wrapper > :not(.mission)": {"order": 2},

@@ -45,7 +45,7 @@ _CHIP: dict[str, Any] = {
     "padding": "2px 12px !important",
     "lineHeight": "1.6",
     "border": "1px solid transparent",
-    "@media (max-width: 480px)": {"maxWidth": "calc(100vw - 204px)"},  # the buttons of its row
+    "@media (max-width: 480px)": {"maxWidth": "calc(100vw - 226px)"},  # the buttons of its row
     "transition": "none",  # a fading colour is that of an older verdict
 }
 _GREY = {"backgroundColor": "transparent", "color": "#ffffff", "borderColor": "rgba(255, 255, 255, 0.45)"}
