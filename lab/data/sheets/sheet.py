@@ -294,7 +294,7 @@ def _numbers(
         "sep": layout.delimiter if layout.delimiter != " " else r"\s+", "engine": "c", "encoding": "utf-8",
         "encoding_errors": "replace", "on_bad_lines": "skip", "skipinitialspace": True, "comment": None,
     }  # fmt: skip
-    if data.count(b'"') % 2:  # a damaged cell would swallow all rows to the next quote
+    if b'"' in data and data.count(b'"') % 2:  # a damaged cell would swallow all rows to the next quote
         how["quoting"] = csv.QUOTE_NONE
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", pd.errors.ParserWarning)

@@ -65,7 +65,7 @@ class Layout:
 def as_utf8(data: bytes) -> bytes:
     """Return a text in UTF-8 with plain ends of lines and signs, whatever it was written in."""
     data = _decoded(data)
-    if data.count(b"\r") != data.count(b"\r\n"):  # some lines, or all, end as on an old Macintosh
+    if b"\r" in data and data.count(b"\r") != data.count(b"\r\n"):  # as on an old Macintosh
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return _MINUS.sub(b"-", data)
 
