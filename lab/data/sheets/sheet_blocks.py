@@ -294,7 +294,7 @@ def with_velocities(sheets: Sequence[Sheet]) -> list[Sheet]:
     joined = replace(
         place, headings=tuple(headings), columns=tuple(columns), remarks=(*place.remarks, remark)
     )
-    return [joined if one is place else one for one in sheets if one is not other]
+    return [joined if one is place else one for one in sheets]
 
 
 def has_velocity(quantities: AbstractSet[str]) -> bool:

@@ -197,6 +197,18 @@ def test_velocities_in_a_file_of_their_own_are_those_of_the_positions(tmp_path, 
     assert any("velocity.csv" in remark and "place.csv" in remark for remark in flight.remarks)
 
 
+def test_an_attitude_beside_the_velocities_stays(tmp_path, made):
+    _, gnss = made
+    place = table(tmp_path / "place.csv", "time,latitude,longitude,altitude", gnss[:, :4])
+    course = motion(gnss)[1]
+    rows = np.column_stack((gnss[:, 0], gnss[:, 4:6], 0 * course, 0 * course, course))
+    beside = table(tmp_path / "v.csv", "time,vn,ve,roll [deg],pitch [deg],yaw [deg]", rows)
+    flight = read_raw([place, beside])
+    assert flight.euler is not None
+    np.testing.assert_allclose(flight.velocity_n[:, 0], gnss[:, 4], atol=1e-6)
+    assert not any("Columns not read" in remark for remark in flight.remarks)
+
+
 def test_velocities_of_other_times_are_interpolated_or_left_out(tmp_path, made):
     _, gnss = made
     times = np.arange(gnss[0, 0], gnss[-1, 0], 0.1)
