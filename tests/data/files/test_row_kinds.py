@@ -238,7 +238,9 @@ def test_vehicles_whose_names_differ_by_zeros_are_two(tmp_path, made):
 
 DAMAGED_TABLES = {
     "a line ends as on an old Macintosh": lambda text: text.replace("\n", "\r", 1),
-    "a quote without a second": lambda text: text[:300] + '"' + text[300:],
+    "a quote without a second": lambda text: ',"'.join(
+        (text[: text.index(",", 300)], text[text.index(",", 300) + 1 :])
+    ),
     "all lines end so": lambda text: text.replace("\n", "\r"),
 }
 
