@@ -101,7 +101,7 @@ def test_components_of_velocities_in_other_frames(text, quantity, sign):
 
 
 def test_a_vertical_acceleration_is_no_accuracy():
-    assert heading_of("VerticalAcc (g)") is None
+    assert heading_of("VerticalAcc (g)").quantity == "force"
     assert heading_of("VerticalAcc (m)").quantity == "vertical_sigma"
 
 
