@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from further_outputs import FORMS, NOTHING, printed
 from live_streams import fixes, motion
+from sketch_outputs import SKETCHES, TWO_DEVICES, of_two_devices
 from text_outputs import OUTPUTS
 
 from lab.data.protocols.catalogue import DECODERS, ENCODERS, decoder_of
@@ -35,7 +36,10 @@ def seeds(name: str) -> list[bytes]:
     """Return streams of a device: of text, all that people own."""
     if name != "text":
         return [seed(name)]
-    texts = [make().text for make in OUTPUTS.values()] + [printed(form)[0] for form in FORMS.values()]
+    texts = [make().text for make in OUTPUTS.values()] + [
+        printed(form)[0] for form in (FORMS | SKETCHES).values()
+    ]
+    texts += [of_two_devices(form)[0] for form in TWO_DEVICES.values()]
     return [seed(name), *(text.encode()[:8000] for text in (*texts, *NOTHING.values()))]
 
 

@@ -29,12 +29,14 @@ from lab.data.protocols.column_map import (
     MAX_COLUMNS,
     OF_A_FIX,
     SEPARATORS,
+    SOURCE,
     VECTORS,
     Column,
     ColumnMap,
     ColumnMapError,
 )
 from lab.data.protocols.labelled_lines import AXES, PERIODS, labelled_samples
+from lab.data.protocols.line_sources import are_devices, is_source, taking_turns
 from lab.data.protocols.number_guess import (
     FINE,
     GROWS,
@@ -65,6 +67,8 @@ _SHARED = {
     **{one: one for one in OF_A_FIX},
 }  # fmt: skip
 """What the quantities are called here whose headings csv files share (`lab.data.sheets.column_names`)."""
+_MOVES = re.compile(r"(?i)[a-z][ _]?[xyz]$|yaw|pitch|roll|heading|angle|course|quat")
+"""Headings of what may grow evenly while a device turns: of these, only whole numbers are times."""
 _LARGEST = 1e30
 """Number from which one is damaged; nanoseconds since 1970 are 1.7e18, and squares must not overflow."""
 NOTHING: Mapping[str, str] = {}
@@ -76,7 +80,9 @@ _KNOWN = tuple(
 """Lines that their begin shows: a pattern, the map, and whose they are."""
 
 
-def guess_columns(lines: Sequence[str], said: Mapping[str, str] | None = None) -> ColumnMap | None:
+def guess_columns(
+    lines: Sequence[str], said: Mapping[str, str] | None = None, whole: bool = False
+) -> ColumnMap | None:
     """Return the column map of lines; None if they do not show it.
 
     Parameters
@@ -86,6 +92,8 @@ def guess_columns(lines: Sequence[str], said: Mapping[str, str] | None = None) -
     said
         What a person says of columns, by heading or by number from 1: ``force_x[g]``, or ``-`` for one that
         is not read.
+    whole
+        Whether no more lines will come.
 
     Raises
     ------
@@ -93,16 +101,21 @@ def guess_columns(lines: Sequence[str], said: Mapping[str, str] | None = None) -
         If what is said is no column.
     """
     said = {heading: str(Column.of(text)) for heading, text in (said or {}).items()}
-    if said:
-        return _of_separated(lines, said) or _of_labelled(lines, said)
-    for pattern, columns, whose in _KNOWN:
+    for pattern, columns, whose in () if said else _KNOWN:
         is_whole = all(any(line.startswith(first) for line in lines) for first, *_ in columns.texts)
         if is_whole and sum(pattern.match(line) is not None for line in lines) >= PERIODS:
             return replace(columns, remarks=(f"{whose}.",))
-    return _of_separated(lines) or _of_labelled(lines)
+    try:
+        return _of_separated(lines, said, whole) or _of_labelled(lines, said, whole)
+    except _MoreLinesError:
+        return None
 
 
-def _of_separated(lines: Sequence[str], said: Mapping[str, str] = NOTHING) -> ColumnMap | None:
+class _MoreLinesError(Exception):
+    """More lines show whether these are of several devices."""
+
+
+def _of_separated(lines: Sequence[str], said: Mapping[str, str], whole: bool) -> ColumnMap | None:
     """Return the map of lines of cells with separators."""
     shape = _shape(lines)
     if shape is None:
@@ -112,17 +125,24 @@ def _of_separated(lines: Sequence[str], said: Mapping[str, str] = NOTHING) -> Co
     remarks: list[str] = []
     columns = _profiled(headings, remarks) or named(headings, remarks)
     columns = _as_said(columns, headings, said)
+    if shape.prefix and not shape.prefix.endswith((shape.separator, "=", ":")):
+        headings[0] = headings[0] or shape.prefix  # such as IMU before the number of the device
     form = shape.separator, shape.prefix, shape.comma
-    return _mapped(columns, headings, shape.rows, shape.clocks, remarks, *form)
+    if shape.others:
+        begin = ", ".join(map(repr, shape.others))
+        remarks.append(f"Lines that begin with {begin}, as of another device, are not read.")
+    numbers = headings, shape.rows, shape.clocks, shape.cells
+    return _mapped(columns, *numbers, remarks, whole, *form)
 
 
-def _of_labelled(lines: Sequence[str], said: Mapping[str, str] = NOTHING) -> ColumnMap | None:
+def _of_labelled(lines: Sequence[str], said: Mapping[str, str], whole: bool) -> ColumnMap | None:
     """Return the map of lines with words between the numbers."""
     for sample in labelled_samples(lines):
         remarks: list[str] = []
         columns = _as_said(named(sample.headings, remarks, sample.others), sample.headings, said)
-        numbers = sample.headings, sample.rows, sample.clocks
-        found = _mapped(columns, *numbers, remarks, texts=sample.texts, guessed=not sample.is_named)
+        cells = [[f"{value:g}" for value in row] for row in sample.rows]
+        numbers = sample.headings, sample.rows, sample.clocks, cells
+        found = _mapped(columns, *numbers, remarks, whole, texts=sample.texts, guessed=not sample.is_named)
         if found is not None:
             return found
     return None
@@ -172,31 +192,81 @@ def _mapped(
     headings: Sequence[str],
     rows: FloatArray,
     clocks: Sequence[bool],
+    cells: list[list[str]],
     remarks: list[str],
+    whole: bool,
     separator: str = ",",
     prefix: str = "",
     comma: bool = False,
     texts: tuple[tuple[str, ...], ...] = (),
     guessed: bool = True,
 ) -> ColumnMap | None:
-    """Return the map of columns that are named, or else of their numbers; None if neither shows an IMU."""
+    """Return the map of columns that are named, or else of their numbers; None if neither shows an IMU.
+
+    Where the lines are of several devices, it is that of one of them.
+    """
     rows = np.where(np.abs(rows) < _LARGEST, rows, np.nan)
+    said = next((at for at, column in enumerate(columns) if column.quantity == SOURCE), None)
+    if said is not None:
+        rows = rows[[is_source(line[said], columns[said].unit) for line in cells]]
+    for sources in () if said is not None else taking_turns(cells, columns):
+        first, other, *_ = sources.names
+        mine = list(columns)
+        mine[sources.place] = Column(SOURCE, first)
+        part = rows[[is_source(line[sources.place], first) for line in cells]]
+        found = _columns(mine, headings, part, clocks, [], guessed) or []
+        read = [at for at, column in enumerate(found) if column.kind in ("rate", "force")]
+        if (are := are_devices(sources, cells, headings, rows[:, read])) is None and not whole:
+            raise _MoreLinesError
+        if are:
+            columns, rows = mine, part
+            remarks.append(
+                f"The lines are of {len(sources.names)} devices, which column {sources.place + 1} tells "
+                f"apart, and only those of {first} are read. "
+                f"--column '{sources.place + 1}=source[{other}]' reads those of {other}."
+            )
+            break
+    found = _columns(columns, headings, rows, clocks, remarks, guessed)
+    if found is None:
+        return None
+    found, doubt = with_units(found, rows, remarks)
+    try:
+        return ColumnMap(tuple(found), separator, prefix, comma, tuple(dict.fromkeys(remarks)), texts, doubt)
+    except ColumnMapError:
+        return None
+
+
+def _columns(
+    columns: list[Column],
+    headings: Sequence[str],
+    rows: FloatArray,
+    clocks: Sequence[bool],
+    remarks: list[str],
+    guessed: bool,
+) -> list[Column] | None:
+    """Return the columns, by their names or else by their numbers; None if neither shows an IMU."""
+    source = next((at for at, column in enumerate(columns) if column.quantity == SOURCE), None)
     named_ones = _complete(_timed(columns, headings, rows, clocks, remarks))
     if len(rows) < MIN_LINES and "time" not in _names(named_ones):
         free = [at for at, column in enumerate(named_ones) if column.quantity == IGNORED]
         if (np.diff(rows[:, free], axis=0) > 0).all(axis=0).any():
             return None  # more lines show whether it is a time
-    if not any(column.kind in ("rate", "force") for column in named_ones):
-        if len(rows) < MIN_LINES or not guessed:
-            return None
-        named_ones = columns_by_numbers(rows, remarks)
-        if "rate_x" not in _names(named_ones):
-            return None  # angles and the parts of a quaternion may be as long as 1 g
-    found, doubt = with_units(named_ones, rows, remarks)
-    try:
-        return ColumnMap(tuple(found), separator, prefix, comma, tuple(dict.fromkeys(remarks)), texts, doubt)
-    except ColumnMapError:
+    if any(column.kind in ("rate", "force") for column in named_ones):
+        return named_ones
+    if len(rows) < MIN_LINES or not guessed:
         return None
+    numbers = rows.copy()
+    if source is not None:
+        numbers[:, source] = np.nan
+    found = columns_by_numbers(numbers, remarks)
+    if "rate_x" not in _names(found):
+        return None  # angles and the parts of a quaternion may be as long as 1 g
+    if source is not None:
+        found[source] = columns[source]
+    return [
+        Column("time", CLOCK) if one.quantity == "time" and clocks[at] else one
+        for at, one in enumerate(found)
+    ]
 
 
 def _complete(columns: Sequence[Column]) -> list[Column]:
@@ -234,9 +304,10 @@ def _timed(
     free = [at for at, column in enumerate(columns) if column.quantity == IGNORED]
     # What has a name that is none of a time counts, if it increases by one.
     free = [at for at in free if not headings[at].strip() or (np.diff(rows[:, at]) != 1).any()]
+    free = [at for at in free if not _MOVES.search(headings[at]) or (rows[:, at] % 1 == 0).all()]
     found = time_column(rows[:, free], remarks) if free else None
     if found is not None:
-        columns[free[found[0]]] = Column("time", CLOCK if clocks[free[found[0]]] else found[1])
+        columns[free[found[0]]] = Column("time", CLOCK) if clocks[free[found[0]]] else found[1]
     return columns
 
 
@@ -279,7 +350,7 @@ def cells_to_name(lines: Sequence[str]) -> tuple[str, ...]:
             if all(_says_little(cell, separator) for cell in cells) and len(cells) > max(len(best), AXES - 1):
                 best = cells
         if not best and len(cells_in(line).kinds) >= AXES:
-            best = [cell[0] for cell in IS_CELL.finditer(line)]
+            best = [cell[0] for cell in IS_CELL.finditer(line) if cell.lastgroup != "name"]
     return tuple(best[:MAX_COLUMNS])
 
 
@@ -297,6 +368,8 @@ class _Shape(NamedTuple):
     comma: bool
     rows: FloatArray
     clocks: tuple[bool, ...]  # which columns are times of day
+    cells: list[list[str]]
+    others: tuple[str, ...]  # what as many lines with as many cells begin with
 
 
 def _shape(lines: Sequence[str]) -> _Shape | None:
@@ -332,7 +405,12 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
                 score = count in headed, len(kept) * count
                 if best is None or score > best_score:
                     values = np.array([[value_of(cell) for cell in row] for row in kept])
-                    best = _Shape(separator, prefix, comma, values, clocks)
+                    others = [
+                        before + word
+                        for (before, word, size), rows in kinds.items()
+                        if rows is not found and size == len(found[0]) and 2 * len(rows) > len(found)
+                    ]
+                    best = _Shape(separator, prefix, comma, values, clocks, kept, tuple(others))
                     best_score = score
     return best
 
@@ -397,7 +475,9 @@ def named(headings: Sequence[str], remarks: list[str], others: Sequence[str] = (
         if quantity != IGNORED and (quantity not in best or rank < found[best[quantity]][2]):
             best[quantity] = place
     for quantity, place in sorted(best.items(), key=lambda item: item[1]):
-        remarks.append(f"{quantity}: the heading is {headings[place]!r}.")
+        alike = sum(found[place] == one for one in found) if quantity in ("force_x", "rate_x") else 1
+        more = f"; {alike - 1} more of it, as of another device, are not read" if alike > 1 else ""
+        remarks.append(f"{quantity}: the heading is {headings[place]!r}{more}.")
     return [
         Column(quantity, unit) if best.get(quantity) == place else Column()
         for place, (quantity, unit, _rank) in enumerate(found)

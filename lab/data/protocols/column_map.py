@@ -43,13 +43,16 @@ OF_A_FIX = ("latitude", "longitude", "altitude", "north", "east", "down")
 """Quantities of a receiver: its position, above the sea, and its velocity."""
 READINGS = tuple(aid.live for aid in SENT)
 """Quantities that stand alone: readings of sensors besides the IMU."""
-QUANTITIES = (
-    "time", "fraction", "count", *(f"{vector}_{axis}" for vector in VECTORS for axis in _AXES),
-    "temperature", "pressure", *READINGS, *OF_A_FIX,
-)  # fmt: skip
-"""What a column may be."""
 IGNORED = "-"
 """Stands for a column that is not read."""
+SOURCE = "source"
+"""Stands for the column that says which of several devices a line is of; its unit is what stands in the lines
+that are read."""
+QUANTITIES = (
+    "time", "fraction", "count", *(f"{vector}_{axis}" for vector in VECTORS for axis in _AXES),
+    "temperature", "pressure", *READINGS, *OF_A_FIX, SOURCE,
+)  # fmt: skip
+"""What a column may be."""
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
 """What separates columns, by name; blanks may be any number."""
 
@@ -91,12 +94,16 @@ class Column:
     @property
     def scale(self) -> float:
         """Factor to SI."""
-        return 1.0 if self.quantity == IGNORED else UNITS_OF[self.kind][self.unit]
+        return 1.0 if self.quantity in (IGNORED, SOURCE) else UNITS_OF[self.kind][self.unit]
 
     def check(self) -> None:
         """Raise a `ColumnMapError` if there is no such quantity, or no such unit of it."""
-        if self.quantity == IGNORED:
+        if self.quantity == IGNORED or (self.quantity == SOURCE and self.unit):
             return
+        if self.quantity == SOURCE:
+            raise ColumnMapError(
+                "source says which device's lines are read; accepted is what they hold, such as source[2]"
+            )
         if self.quantity not in QUANTITIES:
             raise ColumnMapError(
                 f"{self.quantity!r} is no quantity; accepted are {', '.join(QUANTITIES)}, and {IGNORED} for "

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.data.files.unit_names import UNITS, unit_of
 from lab.data.protocols.column_map import MAX_COLUMNS
+from lab.data.protocols.line_sources import names_a_device
 from lab.data.protocols.text_cells import Cells, cells_in
 from lab.data.sheets.column_names import heading_of
 
@@ -38,13 +39,16 @@ _LAST_AXIS = re.compile(r"(?i)[\s_.-]*(?<![a-z])([xyz])(?:\d|_val)?$")
 _ENDS = re.compile(r"[,;|\]}\t]+")
 _QUOTES = re.compile(r"<[A-Z]\w*>|[\"'{\[:=]+|->")
 _BRACKETS = re.compile(r"\[\s*([^\d\[\]\s]{1,12})\s*\]")
+_OF_AXIS = re.compile(r"\[\s*([xyzXYZ])\s*\]")
 _FIRST_WORDS = re.compile(r"\s*(\S+(?: C)?)(.*)", re.DOTALL)
 _SPELLED = {"radians/s": "rad/s", "utesla": "µT", "ms/2": "m/s²", "o/s": "°/s"}
 """Units as libraries of sensors print them."""
-_ALIASES = {"accl": "accel", "rotation": "gyro"}
+_ALIASES = {"accl": "accel", "rotation": "gyro", "rot": "gyro"}
 """Names of the same libraries."""
-_IN_UNIT = re.compile(r"(?i)(.+) in (\S+)$")
-"""A name with its unit in words: ``Rotation in deg/sec``."""
+_IN_UNIT = re.compile(r"(?i)(.+?)(?: in |\s*\()([^\s()]+)\)?[\s(]*$")
+"""A name with its unit in words: ``Rotation in deg/sec``, ``Gyro(dps) (``."""
+_FILLED = re.compile(r"(?i)(?<=[a-z])[ _](?:values?|readings?|data|raw)$")
+"""Words behind a name that say nothing: ``Ax value``."""
 _PAIRS = re.compile(r"\S+=\S+\s+(?=\S+=$)")
 """Pairs of words before a name and its sign, as of logfmt: ``level=info ax=``."""
 _STAMPED = re.compile(r"\s*>[^:]*:")
@@ -172,8 +176,8 @@ def _begin(
     """Return the line with which a sample begins.
 
     That is the line after a rule, or else after an empty one, if there are such, or after what a device says
-    when it starts. Of several, and of all without one, it is that of the time, of the accelerometers, or of
-    the gyros, in this order.
+    when it starts. Of several, and of all without one, it is that of the number of a device, of the time, of
+    the accelerometers, or of the gyros, in this order.
     """
     places = range(first, first + period)
     strongest = max(begins[at + period] for at in places)
@@ -189,6 +193,8 @@ def _begin(
         if "c" in found[at].kinds:
             return 0
         headings = _headings([found[at]])[0]
+        if len(headings) == 1 and names_a_device(headings[0]):
+            return -1
         # What stays as it is is no time, such as the t of a temperature.
         steps = (
             after != before for before, after in zip(found[at].values, found[at + period].values, strict=True)
@@ -240,9 +246,9 @@ def _headings(block: Sequence[Cells], grow: Sequence[bool] = ()) -> tuple[list[s
                 section, units[group] = _worded(label[: found.start()])
                 names.append((section, found[1].lower()))
             elif label:
-                section, count = label, 1
-                group = max(groups, default=-1) + 1
-                names.append((label, ""))
+                group, count = max(groups, default=-1) + 1, 1
+                section, units[group] = _worded(label)
+                names.append((section, ""))
             else:
                 group += not section and count and count % AXES == 0  # numbers without a name come in threes
                 names.append((section, "xyz"[count : count + 1] if section else "xyz"[count % AXES]))
@@ -283,7 +289,8 @@ def _worded(name: str) -> tuple[str, str]:
 
 def _cut(text: str, place: int) -> tuple[str, str]:
     """Return the unit of the number before a text, and the name of the number behind it."""
-    parts = _ENDS.split(_BRACKETS.sub(r"(\1)", text))
+    text = _BRACKETS.sub(r"(\1)", _OF_AXIS.sub(r"_\1", text))
+    parts = _ENDS.split(text)
     names = [part for part in (parts[1:] if place else parts) if part.strip()]
     # "Accl:", a tabulator, "x=": the axis stands behind the name.
     if place and len(parts) > 2 and not parts[0].strip() and not parts[-1].strip() and len(names) == 1:
@@ -315,4 +322,4 @@ def _unit(text: str) -> str:
 def _name(text: str) -> str:
     """Return the last name in a text, without signs and quotes."""
     words = [word for part in _QUOTES.split(text.replace("'s", "s")) for word in part.split()]
-    return " ".join(words).strip(" .,;-|/#$>*")
+    return _FILLED.sub("", " ".join(words).strip(" .,;-|/#$>*"))

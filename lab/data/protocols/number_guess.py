@@ -92,20 +92,27 @@ def _known(columns: Sequence[Column]) -> int:
     return sum(column.quantity != IGNORED for column in columns)
 
 
-def _vectors_by_numbers(rows: FloatArray, time: tuple[int, str] | None, remarks: list[str]) -> list[Column]:
+def _vectors_by_numbers(
+    rows: FloatArray, time: tuple[int, Column] | None, remarks: list[str]
+) -> list[Column]:
     columns = [Column()] * rows.shape[1]
-    if time is not None:
-        columns[time[0]] = Column("time", time[1])
     numbers = np.flatnonzero(np.isfinite(rows).mean(axis=0) > GROWS).tolist()
-    numbers = [at for at in numbers if at not in _tags(rows)]
-    free = [three for at in range(len(numbers) - 2) if (three := numbers[at : at + 3])[2] == three[0] + 2]
+    tags = _tags(rows)
     if time is not None:
-        free = [three for three in free if time[0] not in three]
+        columns[time[0]] = time[1]
+        # A second column of times, as of each sensor, is none of a vector.
+        steps = np.diff(rows, axis=0)
+        tags += np.flatnonzero((steps == steps[:, [time[0]]]).mean(axis=0) > GROWS).tolist()
+    numbers = [at for at in numbers if at not in tags]
+    free = [three for at in range(len(numbers) - 2) if (three := numbers[at : at + 3])[2] == three[0] + 2]
     alike = [three for three in free if _gravity(rows[:, three])]
     if not alike:
         return columns
     # Of a level device, the columns beside those of the force are as long: the first are taken.
-    steadiest = min(alike, key=lambda three: _scatter(rows[:, three]))
+    # Vectors follow each other: a pressure of 1013 hPa behind two small numbers is as long as 1 g in mg.
+    away = [numbers.index(three[0]) - numbers.index(alike[0][0]) for three in alike]
+    follow = [three for three, step in zip(alike, away, strict=True) if step < AXES or step % AXES == 0]
+    steadiest = min(follow, key=lambda three: _scatter(rows[:, three]))
     is_steadier = _scatter(rows[:, steadiest]) < _scatter(rows[:, alike[0]]) / 2
     force = steadiest if is_steadier else alike[0]
     unit, length = _gravity(rows[:, force]) or ("", 0.0)
@@ -119,15 +126,22 @@ def _vectors_by_numbers(rows: FloatArray, time: tuple[int, str] | None, remarks:
     # Rates at rest may be as steady as a field: the next three are rates, unless only they are steady.
     if len(fields) == 2 and fields[0] and not fields[1]:
         others, fields = others[1::-1], fields[1::-1]
+    # Some devices send the rates first: then what follows the forces is a field, and steadier.
+    before = [three for three in free if three[2] < force[0] and place[three[0]] % 3 == start]
+    if fields and fields[0] and before and _scatter(rows[:, others[0]]) < _scatter(rows[:, before[-1]]):
+        others, fields = [before[-1], others[0]], [None, fields[0]]
     if others:
         _put(columns, "rate", "", others[0])
-        remarks.append(f"rate: a guess: columns {_numbers(others[0])} are the next three.")
+        remarks.append(f"rate: a guess: columns {_numbers(others[0])} are the three beside these.")
     if len(fields) == 2 and fields[1]:
         unit, length = fields[1]
         _put(columns, "magnetic", unit, others[1])
         remarks.append(
             f"magnetic: a guess: columns {_numbers(others[1])} are {length:.3g} {unit} long, and steadily."
         )
+    second = next((three for three in alike if all(columns[at] == Column() for at in three)), None)
+    if second is not None:
+        remarks.append(f"Columns {_numbers(second)} are about 1 g long, too, and are not read: a second IMU.")
     return columns
 
 
@@ -170,26 +184,32 @@ def is_believed(step: float) -> bool:
     return step > 0 and _RATES[0] <= 1 / step <= _RATES[1]
 
 
-def time_column(rows: FloatArray, remarks: list[str]) -> tuple[int, str] | None:
-    """Return the first column that increases by equal steps, and its unit; None if none does."""
+def time_column(rows: FloatArray, remarks: list[str]) -> tuple[int, Column] | None:
+    """Return the first column that increases by equal steps, and what it is; None if none does.
+
+    One that increases by 1 is a counter, whose samples come at a rate of their own.
+    """
     if len(rows) < PERIODS:
         return None
     steps = np.diff(rows, axis=0)
     usual = np.median(steps, axis=0)
+    counter = None
     for place in range(rows.shape[1]):
         if not ((steps[:, place] > 0).all() and steps[:, place].max() <= _UNEVEN * usual[place]):
             continue
-        others_rise = (np.delete(steps, place, axis=1) > 0).all(axis=0).any()
-        if (steps[:, place] == 1).all() and rows.shape[1] > AXES and others_rise:
-            continue
-        if unit := unit_of_steps(float(usual[place])):
+        if (steps[:, place] == 1).all() and (rows[:, place] % 1 == 0).all():
+            counter = place if counter is None else counter
+        elif unit := unit_of_steps(float(usual[place])):
             rate = 1 / (usual[place] * UNITS_OF["time"][unit])
             remarks.append(
                 f"time: column {place + 1} increases by {usual[place]:.4g} a line: "
                 f"{rate:.4g} Hz if it is in {unit}."
             )
-            return place, unit
-    return None
+            return place, Column("time", unit)
+    if counter is None:
+        return None
+    remarks.append(f"count: column {counter + 1} increases by 1 a line.")
+    return counter, Column("count")
 
 
 def _matched(three: FloatArray, ranges: dict[str, tuple[float, float]]) -> tuple[str, float] | None:
@@ -259,8 +279,9 @@ def with_units(
     if units.get("latitude") == "1e-7°" and (np.isnan(counts) | (counts % 1 == 0)).all():
         units |= {name: "mm" if name == "altitude" else "mm/s" for name in whole}  # as receivers of u-blox
     if "time" in places and "time" not in units:
-        found = time_column(rows[:, [places["time"]]], [])
-        units["time"] = found[1] if found else "s"
+        steps = np.diff(rows[:, places["time"]])
+        units["time"] = unit_of_steps(float(np.nanmedian(steps))) if np.isfinite(steps).any() else ""
+        units["time"] = units["time"] or "s"
         remarks.append(f"time: a guess: {units['time']}, by its steps.")
     found_columns = [
         column

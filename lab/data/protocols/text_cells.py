@@ -25,10 +25,12 @@ IS_CLOCK = re.compile(CLOCK)
 IS_STAMP = re.compile(rf"{CLOCK}|{_DATE}")
 _PARTS = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,:](\d{1,9}))?")
 IS_CELL = re.compile(
-    rf"(?<![\w.])(?P<clock>{CLOCK})(?!\w)|(?<![\w.])(?P<date>{_DATE})(?!\w)"
+    r"(?<![\w:-])(?P<name>0[xX][\da-fA-F]+|(?:[\da-fA-F]{2}[:-]){5}[\da-fA-F]{2})(?!\w|[:-][\da-fA-F])"
+    rf"|(?<![\w.])(?P<clock>{CLOCK})(?!\w)|(?<![\w.])(?P<date>{_DATE})(?!\w)"
     rf"|(?<![\w.^])(?<![A-Za-z]/)(?P<number>{NUMBER})|(?<![\w.^])(?P<none>{NO_VALUE})(?!\w)"
 )
-"""A digit after a letter, such as that of ``X1``, ``m/s^2`` or ``ms/2``, is part of a text."""
+"""A digit after a letter, such as that of ``X1``, ``m/s^2`` or ``ms/2``, is part of a text, and so is the
+address of a device, such as ``0x68`` or ``D4:22:CD:00:01:02``."""
 _COLOUR = re.compile(r"\x1b\[[\d;?]*[A-Za-z]")
 
 
@@ -55,6 +57,8 @@ def cells_in(line: str) -> Cells:
     texts, kinds, values, at = [], "", [], 0
     for found in IS_CELL.finditer(line):
         kind = found.lastgroup or "none"
+        if kind == "name":
+            continue
         texts.append(line[at : found.start()])
         kinds += "n" if kind == "none" else kind[0]
         values.append(float(found[0]) if kind == "number" else seconds_of_day(found[0]))

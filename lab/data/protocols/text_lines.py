@@ -16,13 +16,23 @@ import math
 import re
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.data.protocols import text_cells
 from lab.data.protocols.column_guess import guess_columns
-from lab.data.protocols.column_map import CLOCK, IGNORED, OF_A_FIX, READINGS, VECTORS, ColumnMap
+from lab.data.protocols.column_map import (
+    CLOCK,
+    IGNORED,
+    OF_A_FIX,
+    READINGS,
+    SOURCE,
+    VECTORS,
+    Column,
+    ColumnMap,
+)
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.framing import xor8
 from lab.data.protocols.limits import TEXT_LIMITS
@@ -142,7 +152,7 @@ class TextLines:
         if self._map is not None:
             self.statistics.refused += self._clock.refuse()
         if self._map is None:
-            self._guess()
+            self._guess(whole=True)
             self.statistics.skipped += sum(len(text) for text, _ in self._held)
             self._held.clear()
         return self._rows.taken()
@@ -202,8 +212,8 @@ class TextLines:
             self.statistics.skipped += len(self._held[0][0])
         self._held.append((text, end))
 
-    def _guess(self) -> None:
-        found = guess_columns([text for text, _ in self._held], self._said)
+    def _guess(self, whole: bool = False) -> None:
+        found = guess_columns([text for text, _ in self._held], self._said, whole)
         self.is_unrecognised = found is None
         if found is None:
             return
@@ -218,6 +228,9 @@ class TextLines:
             if any(column.kind == kind for column in columns.columns):
                 columns = columns.in_unit(kind, unit)
         self._patterns = _patterns_of(columns)
+        others = tuple(Column() if one.quantity == SOURCE else one for one in columns.columns)
+        is_of_one = others != columns.columns
+        self._others = _patterns_of(replace(columns, columns=others)) if is_of_one else []
         # What the lines that are read begin with; nothing if that is a number.
         self._leads = tuple(one[0].strip() for one in columns.texts) or (columns.prefix,)
         self._several, self._comma = len(self._patterns) > 1, columns.decimal_comma
@@ -269,7 +282,8 @@ class TextLines:
         if found is None and several:
             found = self._begun_anew(text)
         if found is None:
-            self._leave_out(text, size)
+            if not any(one.fullmatch(text) for one in self._others):  # of another device
+                self._leave_out(text, size)
             return
         self.statistics.frames += 1
         cells = found.groups()
@@ -383,6 +397,9 @@ def _patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
     for column in columns.columns:
         if column.quantity == IGNORED:
             cells.append(f"({text_cells.ANY if columns.texts else other})")
+        elif column.quantity == SOURCE:
+            zeros = (r"\+?0*", r"(?:\.0*)?") if column.unit.isdigit() else ("", "")
+            cells.append(f"({zeros[0]}{re.escape(column.unit)}{zeros[1]})")
         elif column.unit == CLOCK:
             cells.append(f"({text_cells.CLOCK})")
         elif column.quantity in ("time", "fraction"):
