@@ -214,8 +214,8 @@ def _mapped(
         mine = list(columns)
         mine[sources.place] = Column(SOURCE, first)
         part = rows[[is_source(line[sources.place], first) for line in cells]]
-        found = _columns(mine, headings, part, clocks, [], guessed) or []
-        read = [at for at, column in enumerate(found) if column.kind in ("rate", "force")]
+        one = _columns(mine, headings, part, clocks, [], guessed) or []
+        read = [at for at, column in enumerate(one) if column.kind in ("rate", "force")]
         if (are := are_devices(sources, cells, headings, rows[:, read])) is None and not whole:
             raise _MoreLinesError
         if are:

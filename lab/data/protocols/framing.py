@@ -36,11 +36,18 @@ class Framing(ABC):
         Bytes of the longest frame that is accepted; more are never held back.
     wrap_period : float
         As of `lab.data.protocols.decoder.Decoder` [s].
+    remark : str
+        What people should know of the device, in a sentence.
     """
 
     first: bytes
     longest: int
     wrap_period: float = math.inf
+
+    @property
+    def remark(self) -> str:
+        """As above."""
+        return ""
 
     @abstractmethod
     def size(self, data: bytearray, at: int) -> int:

@@ -67,6 +67,11 @@ class StreamDecoder:
         """Bytes of the stream that are held back, at most `longest`."""
         return len(self._buffer)
 
+    @property
+    def evidence(self) -> str:
+        """What people should know of the devices, in sentences."""
+        return " ".join(framing.remark for framing in self._all if framing.remark)
+
     def feed(self, data: bytes) -> Samples:
         """Return the samples whose frames end in these bytes."""
         self.statistics.bytes += len(data)

@@ -528,3 +528,38 @@ def test_the_leap_second_of_2016_lasts_a_second(file, dated):
     flight = file(text)
     np.testing.assert_allclose(np.diff(flight.time), 1.0)
     assert len(flight.time) == len(clocks)
+
+
+def _of_receivers(*senders: tuple[str, int, float]) -> bytes:
+    """Return 60 s of sentences of receivers: the two letters of each, its rate [Hz] and its latitude [°]."""
+    text = []
+    for tick in range(600):
+        for name, rate, latitude in senders:
+            if tick % (10 // rate) == 0:
+                clock = f"12{tick // 600:02d}{tick % 600 / 10:05.2f}"
+                place = f"48{60 * (latitude - 48):08.5f},N,01131.00000,E"
+                text += [sentence(f"{name}GGA,{clock},{place},4,08,0.9,545.4,M,46.9,M,,")]
+                text += [sentence(f"{name}RMC,{clock},A,{place},022.4,084.4,230324,003.1,W")]
+    return "".join(text).encode()
+
+
+@pytest.mark.parametrize("rates", [(5, 5), (5, 1), (1, 5)])
+def test_two_receivers_are_not_mixed(rates):
+    data = _of_receivers(("GP", rates[0], 48.1), ("GN", rates[1], 48.10002))
+    decoder = decoder_of("nmea")
+    fix = decoder.feed(data).fix
+    is_first = np.isclose(np.degrees(fix["latitude"]), 48.1, rtol=0, atol=1e-6)
+    # The first ones come before both are known.
+    assert is_first[12:].all() or not is_first[12:].any()
+    assert is_first[-1] == (rates[0] >= rates[1])
+    assert len(fix) >= 60 * max(rates) - 12
+    assert "Sentences of two receivers come" in decoder.evidence
+
+
+def test_a_receiver_that_uses_other_satellites_is_one():
+    first, then = _of_receivers(("GP", 5, 48.1)), _of_receivers(("GN", 5, 48.1))
+    decoder = decoder_of("nmea")
+    half = first.index(b"$GPGGA,120030")
+    fix = decoder.feed(first[:half] + then[then.index(b"$GNGGA,120030") :]).fix
+    assert len(fix) >= 299
+    assert not decoder.evidence
