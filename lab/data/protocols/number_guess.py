@@ -55,6 +55,8 @@ _STEADY = 0.1
 turned all around. The length of rates that are only noise scatters by 0.42 (Maxwell's distribution)."""
 _FAST = 35.0
 """Angular rate that is not in rad/s: most gyros measure at most 2000 °/s, which are 34.9 rad/s."""
+_FASTEST = 4000.0
+"""Angular rate that is not in °/s: the largest range of MEMS gyros is 4000 °/s (as of the LSM6DSV16X)."""
 _MILLIRADIANS = 50.0
 """Median length of whole numbers from which rates are likelier in m°/s than in mrad/s: see `_AT_REST`."""
 _AT_REST = 0.05
@@ -302,14 +304,19 @@ def _units_of_rate(rate: FloatArray, force: FloatArray | None, of_force: str) ->
     if base == "mg" and force is not None and not (np.nan_to_num(np.hstack((rate, force))) % 1).any():
         units = ("m°/s", "mrad/s") if length > _MILLIRADIANS else ("mrad/s", "m°/s")
         return (*units, "°/s"), "force and rate are whole numbers"
-    if np.abs(rate[np.isfinite(rate)]).max(initial=0.0) > _FAST:
+    is_still = force is not None and _is_still(force)
+    fastest = float(np.abs(rate[np.isfinite(rate)]).max(initial=0.0))
+    if fastest > _FAST:
+        if fastest > _FASTEST or (is_still and length > _FAST):
+            return ("m°/s", "mrad/s", "°/s"), f"{length:.0f} °/s would be too fast for this device"
         return ("°/s",), "it is too fast for rad/s"
     if base in ("g", "mg"):
         return ("°/s", "rad/s"), f"the force is in {of_force}"
-    if force is not None and _is_still(force) and length > _AT_REST:
+    units, why = ("rad/s", "°/s"), f"the force is in {of_force or 'an unknown unit'}"
+    if is_still and length > _AT_REST:
         why = f"the device is still, and {length:.2g} rad/s would be {np.degrees(length):.0f} °/s"
-        return ("°/s", "rad/s"), why
-    return ("rad/s", "°/s"), f"the force is in {of_force or 'an unknown unit'}"
+        units = units[::-1]
+    return units, why
 
 
 def _is_still(force: FloatArray) -> bool:

@@ -31,6 +31,9 @@ from lab.data.streams.vehicle_rows import NO_FIXES, NO_IMU, FixRows, VehicleRows
 
 Rows = NDArray[np.void]
 
+_SHOWN_BY_TURNS = ("mrad/s", "m°/s")
+"""Units of rates that nobody is asked about, as sensors send them rarely, but that a turn may show."""
+
 
 @dataclass
 class Loss:
@@ -341,9 +344,10 @@ class Reception:
         if not self.doubt or not len(imu):
             return imu
         question = self._question
-        if question is None or question.units != self.doubt:
-            scales = [UNITS_OF["rate"][unit] for unit in self.doubt]
-            question = self._question = UnitQuestion(self.doubt, scales)
+        units = tuple(dict.fromkeys((*self.doubt, *_SHOWN_BY_TURNS)))
+        if question is None or question.units != units:
+            scales = [UNITS_OF["rate"][unit] for unit in units]
+            question = self._question = UnitQuestion(units, scales)
         unit = question.add(imu["time"], imu["rate"], imu["force"])
         if not unit:
             return imu

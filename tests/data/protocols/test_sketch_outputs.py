@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from further_outputs import COUNT, RATE, motion, printed
+from further_outputs import COUNT, RATE, Form, motion, printed
 from sketch_outputs import SKETCHES, TWO_DEVICES, of_two_devices
 from test_further_outputs import received
 
@@ -113,3 +113,18 @@ def test_what_else_takes_turns_parts_no_lines(form, name, still):
         decoder = TextLines()
         rows = decoder.feed("".join(lines).encode()).imu
         assert len(rows) + len(decoder.finish().imu) >= 198, decoder.evidence
+
+
+@pytest.mark.parametrize(
+    ("force", "rate"), [("mg", "mrad"), ("m", "mdps"), ("g", "mdps"), ("m", "deg"), ("g", "rad")]
+)
+def test_a_turn_shows_units_that_do_not_belong_together(force, rate):
+    form = Form("@F,@W\n", force, rate, decimals=3)
+    text, forces, rates = printed(form, seed=9)
+    imu, reception, asked = received(text)
+    assert asked
+    assert "first turn" in reception.decided
+    count = len(imu)
+    assert count >= COUNT - 4
+    np.testing.assert_allclose(imu["force"], forces[-count:], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(imu["rate"], rates[-count:], rtol=1e-9, atol=1e-9)
