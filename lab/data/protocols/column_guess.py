@@ -69,6 +69,7 @@ _SHARED = {
 """What the quantities are called here whose headings csv files share (`lab.data.sheets.column_names`)."""
 _MOVES = re.compile(r"(?i)[a-z][ _]?[xyz]$|yaw|pitch|roll|heading|angle|course|quat")
 """Headings of what may grow evenly while a device turns: of these, only whole numbers are times."""
+_BRACES = re.compile(r"[{}]")
 _LARGEST = 1e30
 """Number from which one is damaged; nanoseconds since 1970 are 1.7e18, and squares must not overflow."""
 NOTHING: Mapping[str, str] = {}
@@ -218,6 +219,8 @@ def _mapped(
         read = [at for at, column in enumerate(one) if column.kind in ("rate", "force")]
         if (are := are_devices(sources, cells, headings, rows[:, read])) is None and not whole:
             raise _MoreLinesError
+        if are and not sources.is_written:
+            return None
         if are:
             columns, rows = mine, part
             remarks.append(
@@ -395,6 +398,8 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
                     ).append(cells)
             several = len({word for _, word, _ in kinds}) > 1
             for (before, word, _), found in kinds.items():
+                if _BRACES.search(before + word):
+                    continue  # a column map has columns in braces
                 # Of lines of several kinds, the first cell is what those of one begin with.
                 is_kind = several and word and len(found[0]) > AXES
                 prefix, kept = (

@@ -25,6 +25,8 @@ _MOST = 16
 """Most devices on one cable: a multiplexer of I2C has 8 branches of two addresses."""
 _LONGEST = 32
 """Longest name of a device that is told apart; the hardware address of a network card has 17 signs."""
+_WRITTEN = re.compile(r"[^,;\[\]{}]+")
+"""What can stand in a column map."""
 _RARE = 0.25
 """Part of the lines that each device would have from which a value counts: damage makes others, each once."""
 _TURNS = 0.25
@@ -54,11 +56,16 @@ class Sources(NamedTuple):
     place : int
         Its place.
     names : list of str
-        Its values in their order.
+        Its values in their order, those that no column map can hold last.
     """
 
     place: int
     names: list[str]
+
+    @property
+    def is_written(self) -> bool:
+        """Whether the first name can stand in a column map."""
+        return _WRITTEN.fullmatch(self.names[0]) is not None
 
 
 def names_a_device(heading: str) -> bool:
@@ -66,11 +73,16 @@ def names_a_device(heading: str) -> bool:
     return _NAMES.search(heading.strip(" :=#_-")) is not None
 
 
+def is_count(name: str) -> bool:
+    """Return whether the name of a device is a number."""
+    return name.isascii() and name.isdigit()
+
+
 def is_source(cell: str, name: str) -> bool:
     """Return whether a cell says the name of a device; a number may be written in several ways."""
-    if cell == name or not name.isdigit():
+    if cell == name or not is_count(name):
         return cell == name
-    return IS_NUMBER.fullmatch(cell) is not None and float(cell) == int(name)
+    return IS_NUMBER.fullmatch(cell) is not None and float(cell) == float(name)
 
 
 def taking_turns(cells: Sequence[Sequence[str]], columns: Sequence[Column]) -> Iterator[Sources]:
@@ -93,7 +105,9 @@ def taking_turns(cells: Sequence[Sequence[str]], columns: Sequence[Column]) -> I
         turns = sum(one != other for one, other in pairwise(values))
         is_measured = any("." in name and IS_NUMBER.fullmatch(name) for name in names)
         if 2 <= len(names) <= _MOST and turns >= _TURNS * len(values) and not is_measured:
-            yield Sources(place, sorted(names, key=lambda name: (len(name), name)))
+            yield Sources(
+                place, sorted(names, key=lambda name: (not _WRITTEN.fullmatch(name), len(name), name))
+            )
 
 
 def are_devices(

@@ -36,6 +36,7 @@ from lab.data.protocols.column_map import (
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.framing import xor8
 from lab.data.protocols.limits import TEXT_LIMITS
+from lab.data.protocols.line_sources import is_count
 from lab.data.protocols.number_guess import MIN_LINES
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_2D, FIX_3D, NAN, UNKNOWN, Samples, Vector
@@ -398,7 +399,7 @@ def _patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
         if column.quantity == IGNORED:
             cells.append(f"({text_cells.ANY if columns.texts else other})")
         elif column.quantity == SOURCE:
-            zeros = (r"\+?0*", r"(?:\.0*)?") if column.unit.isdigit() else ("", "")
+            zeros = (r"\+?0*", r"(?:\.0*)?") if is_count(column.unit) else ("", "")
             cells.append(f"({zeros[0]}{re.escape(column.unit)}{zeros[1]})")
         elif column.unit == CLOCK:
             cells.append(f"({text_cells.CLOCK})")

@@ -128,3 +128,22 @@ def test_a_turn_shows_units_that_do_not_belong_together(force, rate):
     assert count >= COUNT - 4
     np.testing.assert_allclose(imu["force"], forces[-count:], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(imu["rate"], rates[-count:], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "names", ["\u00b2 \u00b3", "a;b c,d", "{x} [y]", f"{'9' * 30} {'8' * 30}", "{0} {1}"]
+)
+def test_any_names_of_devices_are_read_or_left(names):
+    text, forces, _ = of_two_devices("{side}\t@F\t@W\n", seed=10)
+    one, other = names.split()
+    text = text.replace("left", one).replace("right", other).replace(",", "\t" if "," not in names else ",")
+    decoder = TextLines()
+    imu = decoder.feed(text.encode()).imu
+    shown = decoder.columns
+    assert shown is None or ColumnMap.of(str(shown)) == shown
+    assert not len(imu) or any(np.allclose(imu["force"], force[-len(imu) :]) for force in forces)
+    six = [
+        f"{name}_{axis}[{unit}]" for name, unit in (("force", "m/s²"), ("rate", "rad/s")) for axis in "xyz"
+    ]
+    said = {"1": f"source[{one}]"} | {str(at): column for at, column in enumerate(six, 2)}
+    TextLines(said=said).feed(text.encode())
