@@ -14,6 +14,7 @@ import faulthandler
 import importlib.util
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -27,7 +28,7 @@ FINDINGS = ROOT / "fuzz-findings"
 MEMORY = 4 * 2**30
 """Most address space beyond which an attack counts as lost [bytes]."""
 HANG = 60
-"""After how long a single attack is given up [s]."""
+"""Processor time after which a single attack is given up [s]; a busy machine is no hang."""
 LABORATORY = "served laboratory"
 
 
@@ -79,6 +80,17 @@ def limit_memory() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
+def watch(seconds: float) -> None:
+    """End the process with its traceback after more processor time than this; never with zero."""
+    if hasattr(signal, "setitimer"):
+        faulthandler.register(signal.SIGPROF, chain=True)
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+    elif seconds:
+        faulthandler.dump_traceback_later(seconds, exit=True)
+    else:
+        faulthandler.cancel_dump_traceback_later()
+
+
 def keep(name: str, folder: Path, error: BaseException) -> None:
     """Keep the files of an attack, and what went wrong."""
     kept = FINDINGS / re.sub(r"\W+", "_", name) / str(time.time_ns())
@@ -112,14 +124,14 @@ def repeat(name: str, seconds: float, attack: Callable[[int], int], save: Callab
     count = taken = broken = 0
     end = time.monotonic() + seconds
     while time.monotonic() < end and broken < 5:
-        faulthandler.dump_traceback_later(HANG, exit=True)
+        watch(HANG)
         try:
             taken += attack(count)
         except Exception as error:
             broken += 1
             save(error)
         count += 1
-    faulthandler.cancel_dump_traceback_later()
+    watch(0)
     print(f"{name}: {count} attacks; flights, samples, fixes and requests that were taken: {taken}")
     return 1 if broken else 0
 
