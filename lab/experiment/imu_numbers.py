@@ -24,6 +24,8 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import TO_SI
 from lab.base.progress import Progress
+from lab.data.filter_logs import sensors_beside
+from lab.data.log.sensor_log import GnssLog
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_file import called, is_opened, opened
 from lab.experiment.log_result import LogResult
@@ -109,6 +111,7 @@ def numbers(
     if static is not None:
         try:
             records = rest.read_log(static)
+            _check_still(static, records)
         except MissionError as error:
             refusal = error
     if moving is None:
@@ -164,11 +167,7 @@ def _why_no_drive(experiment: Experiment) -> str:
     if not gnss.time.size:
         return "has no fixes; accepted is a log of an IMU with a GPS receiver"
     length = min(where.duration, float(gnss.time[-1])) - max(0.0, float(gnss.time[0]))
-    speed = np.linalg.norm(np.nan_to_num(gnss.velocity_n), axis=1)
-    if np.isnan(gnss.velocity_n).all():
-        far = displacement(gnss.position[:-_APART], gnss.position[_APART:])[:, :2]
-        speed = np.linalg.norm(far, axis=1) / (gnss.time[_APART:] - gnss.time[:-_APART])
-    moving = float(np.mean(speed > MOVES)) * length if speed.size else 0.0
+    moving = _moving(gnss) * length
     if moving < LEAST_MOTION:
         return (
             f"stands still: its fixes move faster than {MOVES:g} m/s for {moving:.0f} s; accepted are at "
@@ -180,6 +179,33 @@ def _why_no_drive(experiment: Experiment) -> str:
             "shorter drive does not show noise that a filter needs"
         )
     return ""
+
+
+def _moving(gnss: GnssLog) -> float:
+    """Return the part of the fixes that move."""
+    speed = np.linalg.norm(np.nan_to_num(gnss.velocity_n), axis=1)
+    if np.isnan(gnss.velocity_n).all():
+        far = displacement(gnss.position[:-_APART], gnss.position[_APART:])[:, :2]
+        speed = np.linalg.norm(far, axis=1) / (gnss.time[_APART:] - gnss.time[:-_APART])
+    return float(np.mean(speed > MOVES)) if speed.size else 0.0
+
+
+def _check_still(static: str | Path, records: RestRecords) -> None:
+    """Raise `MissionError` if a log is at rest for longer than its own fixes stand still.
+
+    An IMU on a vehicle that flies or rolls straight on looks like one at rest.
+    """
+    beside = sensors_beside(Path(static))
+    if isinstance(beside, str) or not beside.gnss.time.size:
+        return
+    length = float(np.ptp(beside.gnss.time))
+    moving, used = _moving(beside.gnss) * length, max(one.duration for one in records.values())
+    if moving >= LEAST_MOTION and used > length - moving:
+        raise MissionError(
+            f"{static}: the log at rest moved: its fixes move faster than {MOVES:g} m/s for {moving:.0f} s "
+            f"of {length:.0f} s; accepted is a log of an IMU that stands still. The rest of a drive is taken "
+            "from --moving alone"
+        )
 
 
 def _own_rest(result: LogResult) -> tuple[RestRecords | None, str]:

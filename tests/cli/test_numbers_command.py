@@ -54,6 +54,26 @@ def test_wrong_arguments_are_refused(folder):
     refused(ask("numbers", "--moving", "montreal"), "simulated mission")
 
 
+@pytest.mark.parametrize("speed", [0.0, 20.0])
+def test_a_log_at_rest_whose_own_fixes_move_gives_no_number(speed, tmp_path):
+    time, rng = np.arange(6000) / 50, np.random.default_rng(1)
+    second = np.floor(time)
+    rows = np.column_stack((
+        1e3 * time, rng.normal((0, 0, 9.8), 0.02, size=(len(time), 3)),
+        rng.normal(scale=1e-3, size=(len(time), 3)), 45 + speed * second / 111_200,
+        np.full(len(time), -73.0), np.full(len(time), 100.0), np.full(len(time), 3.6 * speed), 0 * time,
+    ))  # fmt: skip
+    lines = [",".join(f"{one:.9f}" for one in row) for row in rows.tolist()]
+    path = tmp_path / "straight.csv"
+    path.write_text("\n".join([sensor_csv.HEADER, *lines, ""]), "utf-8")
+    answer = ask("numbers", "--static", str(path))
+    if not speed:
+        assert answer.exit_code == 0, answer.stderr
+    else:
+        refused(answer, "the log at rest moved: its fixes move faster than 0.5 m/s for 119 s of 119 s")
+        assert "°/s" not in answer.stdout
+
+
 @pytest.mark.proof
 def test_a_claim_160_times_too_small_is_found_and_said_in_one_sentence(folder, tmp_path):
     settings = tmp_path / "receiver.toml"

@@ -180,6 +180,8 @@ def _data(path: str | os.PathLike[str]) -> bytes:
 def _recognised(path: str | os.PathLike[str]) -> str:
     """Return the protocol of the first bytes."""
     found = recognise(_begin(path, _LOOKED_AT))
+    if not _begin(path, 1):
+        raise RecordingError(f"{path}: the file is empty")
     if not found:
         known = sound_frames(_begin(path, _LOOKED_AT))
         if known:

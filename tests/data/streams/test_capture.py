@@ -132,13 +132,22 @@ def test_a_device_without_a_clock_needs_its_rate(tmp_path):
     np.testing.assert_allclose(np.diff(found.imu["time"]), 0.02, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("data", [b"", b"# notes\nof a day at sea\n" * 50, bytes(5000)])
+@pytest.mark.parametrize("data", [b"# notes\nof a day at sea\n" * 50, bytes(5000)])
 def test_what_no_device_sends_is_refused(tmp_path, data):
     path = tmp_path / "notes.txt"
     path.write_bytes(data)
     with pytest.raises(RecordingError, match=r"no protocol is recognised in it; accepted are .* vectornav"):
         recorded_samples(path)
     with pytest.raises(TransportError, match="no protocol is recognised"):
+        open_source(f"replay:{path}")
+
+
+def test_an_empty_file_is_called_empty(tmp_path):
+    path = tmp_path / "nothing.ubx"
+    path.touch()
+    with pytest.raises(RecordingError, match="the file is empty"):
+        recorded_samples(path)
+    with pytest.raises(TransportError, match="the file is empty"):
         open_source(f"replay:{path}")
 
 
