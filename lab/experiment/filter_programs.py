@@ -8,10 +8,10 @@ References
 ----------
 Kalibr: wiki page *IMU Noise Model*. PX4: ``src/modules/ekf2/module.yaml``, ``params_gyro_bias.yaml`` and
 ``params_accel_bias.yaml``; ``EKF/covariance.cpp`` squares Δt times each of them. ArduPilot:
-``libraries/AP_NavEKF3/AP_NavEKF3.cpp`` (ranges), ``AP_NavEKF3_core.cpp`` (`CovariancePrediction`) and
-``AP_NavEKF3_core.h`` (`EKF_TARGET_DT`). robot_localization: ``src/ekf.cpp`` adds Δt Q. KF-GINS:
-``dataset/kf-gins.yaml``, ``src/kf-gins/gi_engine.cpp`` (2 σ²/T). MATLAB: reference pages `gyroparams`,
-`accelparams` and `insfilterAsync`.
+``libraries/AP_NavEKF3/AP_NavEKF3.cpp`` (ranges), ``AP_NavEKF3_core.cpp`` (`CovariancePrediction`),
+``AP_NavEKF3_core.h`` (`EKF_TARGET_DT`), ``AP_Scheduler.cpp`` (`SCHED_LOOP_RATE`). robot_localization:
+``src/ekf.cpp`` adds Δt Q. KF-GINS: ``dataset/kf-gins.yaml``, ``src/kf-gins/gi_engine.cpp`` (2 σ²/T). MATLAB:
+reference pages `gyroparams`, `accelparams` and `insfilterAsync`.
 """
 
 from __future__ import annotations
@@ -200,6 +200,10 @@ PROGRAMS = {
             ),
             (_per(STEP_ARDUPILOT),) * 4,
             (Limits(0.0001, 0.1), Limits(0.01, 1.0), Limits(0.00001, 0.001), Limits(0.00001, 0.02)),
+        ),
+        notes=(
+            "They hold for SCHED_LOOP_RATE of 84 or more, as of Copter and Sub. The step of EKF3 is no "
+            "shorter than the loop's: at 50, the default of Plane and Rover, multiply by 0.775, sqrt(12/20).",
         ),
     ),
     "kf-gins": Program(

@@ -76,6 +76,16 @@ def test_the_autopilots_grow_their_variances_as_the_sensor_does(
     assert grown == pytest.approx([GYRO_N**2 * 10, 0.02**2 * 10, GYRO_K**2 * 10, FORCE_K**2 * 10], rel=2e-3)
 
 
+def test_a_comment_has_the_factor_for_ardupilots_slower_loops() -> None:
+    """EKF3 steps no faster than the loop: 50 Hz in Plane and Rover, where its noise must grow as fast."""
+    text = lines(numbers((GYRO_N, 0.02, GYRO_K, FORCE_K)), "ardupilot")
+    found = re.search(r"at 50, the default of Plane and Rover, multiply by ([\d.]+)", text)
+    assert found is not None
+    given = list(values_of(text, r"^(EK3\w+),(\S+)").values())
+    grown = [50 * (0.02 * float(found[1]) * one) ** 2 for one in given]
+    assert grown == pytest.approx([GYRO_N**2, 0.02**2, GYRO_K**2, FORCE_K**2], rel=3e-3)
+
+
 def test_values_outside_the_limits_are_refused_and_not_clipped() -> None:
     text = lines(numbers((1e-6, 5.0, GYRO_K, FORCE_K)), "px4")
     assert "param set EKF2_GYR_NOISE" not in text
