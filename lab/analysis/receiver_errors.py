@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
+from scipy.signal import lfilter
 
 from lab.analysis.verdicts.finding import is_right
 from lab.base.arrays import FloatArray, of_kernel
@@ -49,6 +50,10 @@ TAU = 30.0
 """Correlation time from which the search begins [s]."""
 ROUNDED = 12**-0.5
 """σ of rounding, in its step."""
+MEMORIES = (3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0, math.inf)
+"""Fixes over which a σ that follows the innovations averages their squares; none for a σ that stays."""
+LEAST_SQUARE = 1e-3
+"""Smallest mean square of innovations that it follows: where a receiver repeats itself, they vanish."""
 VELOCITY_SIGMA, POSITION_SIGMA = 0.1, 1.0
 """σ that the factors refer to where a receiver claims none [m/s], [m]."""
 SHORTEST = 1.0
@@ -346,6 +351,33 @@ def quarters(squares: FloatArray, degrees: FloatArray) -> tuple[tuple[float, flo
     mean = float(squares.sum()) / sum(numbers)
     apart = [not is_right(one / mean * number, number) for one, number in zip(found, numbers, strict=True)]
     return (min(found), max(found)), any(apart)
+
+
+def followed(squares: FloatArray, degrees: FloatArray, memory: float) -> FloatArray:
+    """Return the mean square (m,) that is expected of each fix by those before it.
+
+    Parameters
+    ----------
+    squares, degrees : (m,) arrays
+        NIS of each fix, and the number of its components.
+    memory
+        Number of fixes over which the squares are averaged, with weights that fall exponentially.
+    """
+    gain = 1 / memory
+    found = np.clip(squares / np.maximum(degrees, 1), LEAST_SQUARE, OUTLIER**2)
+    found = np.where(degrees > 0, found, 1.0)
+    mean, _ = lfilter([gain], [1.0, gain - 1.0], found, zi=np.array([1.0 - gain]))
+    return np.concatenate(([1.0], mean[:-1]))
+
+
+def memory_of(squares: FloatArray, degrees: FloatArray) -> float:
+    """Return the memory of a σ that follows the innovations which makes them most likely; see `followed`."""
+
+    def likelihood(memory: float) -> float:
+        expected = followed(squares, degrees, memory)
+        return -0.5 * float(np.sum(squares / expected + degrees * np.log(expected)))
+
+    return max(MEMORIES, key=likelihood)
 
 
 def _claimed(sigma: FloatArray, otherwise: float) -> FloatArray:

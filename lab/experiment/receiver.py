@@ -23,7 +23,9 @@ from lab.analysis.receiver_errors import (
     AxisErrors,
     FixSeries,
     fit,
+    followed,
     judged,
+    memory_of,
     quarters,
     rounding,
     with_motion,
@@ -245,7 +247,8 @@ class _Axis(NamedTuple):
     nis: FloatArray
     degrees: FloatArray
     outliers: NDArray[np.int64]
-    halves: tuple[FloatArray, FloatArray] | None
+    halves: tuple[FloatArray, FloatArray, FloatArray] | None
+    memory: float = math.nan
 
 
 def _axis(by_basis: Mapping[str, FixSeries], axes: slice) -> _Axis:
@@ -254,13 +257,18 @@ def _axis(by_basis: Mapping[str, FixSeries], axes: slice) -> _Axis:
     basis, own, errors = max(tried, key=lambda one: one[2].likelihood)
     seen = judged(own, errors)
     half = own.time.size // 2
-    halves = None
+    halves, memory = None, math.nan
     if half >= FEWEST and set(own.kind[half:]) <= set(own.kind[:half]):
         sizes = fit(own.rows(slice(0, half)))
         other = judged(own, with_motion(own.rows(slice(half, None)), sizes))
-        halves = other.nis[half:], other.degrees[half:]
+        begin = judged(own.rows(slice(0, half)), sizes)
+        memory = memory_of(begin.nis, begin.degrees)
+        squares, degrees = (np.append(*both) for both in (
+            (begin.nis, other.nis[half:]), (begin.degrees, other.degrees[half:])
+        ))  # fmt: skip
+        halves = squares[half:], degrees[half:], followed(squares, degrees, memory)[half:]
     outliers = np.asarray(seen.outlier.any(axis=(1, 2)), np.int64)
-    return _Axis(basis, own, errors, seen.nis, seen.degrees, outliers, halves)
+    return _Axis(basis, own, errors, seen.nis, seen.degrees, outliers, halves, memory)
 
 
 def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverReport:
@@ -307,18 +315,20 @@ def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
     sigma = one.series.position_sigma[rows]
     claimed = float(np.nanmedian(sigma)) if _known(sigma) else math.nan
     white = float(one.errors.white[number]) * (1.0 if math.isnan(claimed) else claimed)
-    nis, within, varies = math.nan, (math.nan, math.nan), False
+    nis, following, within, varies = math.nan, math.nan, (math.nan, math.nan), False
     if one.halves is not None:
-        squares, degrees = (values[rows[rows.size - values.size :]] for values in one.halves)
-        nis = float(squares.sum() / degrees.sum()) if degrees.sum() >= FEWEST else math.nan
+        squares, degrees, expected = (values[rows[rows.size - values.size :]] for values in one.halves)
+        if degrees.sum() >= FEWEST:
+            nis, following = (float(own.sum() / degrees.sum()) for own in (squares, squares / expected))
         within, varies = quarters(squares, degrees)
     outliers = int(one.outliers[rows].sum())
     slow, tau = one.errors.slow, one.errors.tau
     if rows.sum() < FEWEST:
         white = slow = tau = math.nan
     return KindRow(
-        kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis, within, varies
-    )
+        kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis, within, varies,
+        following, one.memory,
+    )  # fmt: skip
 
 
 def _changed(experiment: Experiment, rows: Sequence[KindRow], velocity: float, claimed: float) -> Experiment:

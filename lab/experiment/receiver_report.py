@@ -45,6 +45,9 @@ class KindRow(NamedTuple):
         components than `FEWEST` in one of them.
     varies : bool
         Whether the quarters differ beyond chance.
+    following, memory : float
+        The same as `nis`, with a σ that follows the innovations of so many fixes before; infinite if it
+        stays.
     """
 
     kind: str
@@ -59,6 +62,8 @@ class KindRow(NamedTuple):
     basis: str
     quarters: tuple[float, float] = (math.nan, math.nan)
     varies: bool = False
+    following: float = math.nan
+    memory: float = math.nan
 
     @property
     def sigma(self) -> float:
@@ -169,9 +174,14 @@ def sentence_on_halves(row: KindRow) -> str:
             said += ": the receiver changed from one half to the other"
     low, high = row.quarters
     within = "" if math.isnan(low) else f"; {low:.2f} to {high:.2f} in its quarters"
+    follows = ""
+    if math.isfinite(row.memory):
+        follows = (
+            f" With a σ that follows the innovations of the last {row.memory:.0f} fixes: {row.following:.2f}."
+        )
     return (
         f"Sizes found in the first half, judged by the second with its own motion ({row.axis}, {row.kind}): "
-        f"NIS per component {row.nis:.2f}, which {said} ({FITS[0]} to {FITS[1]} does{within})."
+        f"NIS per component {row.nis:.2f}, which {said} ({FITS[0]} to {FITS[1]} does{within}).{follows}"
     )
 
 

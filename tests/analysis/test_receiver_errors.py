@@ -7,7 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from lab.analysis.receiver_errors import AxisErrors, FixSeries, fit, judged, predict, quarters
+from lab.analysis.receiver_errors import (
+    AxisErrors,
+    FixSeries,
+    fit,
+    followed,
+    judged,
+    memory_of,
+    predict,
+    quarters,
+)
 
 PERIOD = 0.5
 
@@ -165,3 +174,21 @@ def test_a_receiver_without_velocity_is_fitted() -> None:
     found = fit(series._replace(velocity=np.full_like(series.velocity, np.nan)))
     assert math.isnan(found.velocity)
     assert found.white[0] == pytest.approx(1.0, rel=0.12)
+
+
+def test_a_size_that_changes_is_followed_and_one_that_stays_is_not():
+    rng = np.random.default_rng(1)
+    degrees = np.full(2000, 2.0)
+    same = (rng.normal(size=(2000, 2)) ** 2).sum(axis=1)
+    assert memory_of(same, degrees) >= 40
+    assert followed(same, degrees, math.inf) == pytest.approx(1.0)
+    # The variance changes between a quarter and four times over 400 fixes.
+    changing = same * np.exp(np.log(4) * np.sin(2 * np.pi * np.arange(2000) / 400))
+    memory = memory_of(changing[:1000], degrees[:1000])
+    expected = followed(changing, degrees, memory)
+    assert memory <= 20
+    assert np.mean(changing[1000:] / expected[1000:]) / 2 == pytest.approx(1.0, abs=0.15)
+    # Nothing of a fix is in what is expected of it.
+    other = changing.copy()
+    other[1500] = 1e3
+    np.testing.assert_array_equal(followed(other, degrees, memory)[:1501], expected[:1501])

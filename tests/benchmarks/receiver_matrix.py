@@ -1,8 +1,9 @@
 """Receivers: what real receivers claim, what is found, and whether the other half confirms it.
 
 Run it with ``python -m tests.benchmarks.receiver_matrix [../shared]``. It prints, by kind of fix and axis,
-the claimed σ, white and slow part, NIS per component of the second half with the sizes of the first, and the
-error of fixes withheld for 10 s with the filter as it is and with the found sizes.
+the claimed σ, white and slow part, NIS per component of the second half with the sizes of the first, the same
+with a σ that follows the innovations, and the error of fixes withheld for 10 s with the filter as it is and
+with the found sizes.
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ MANY = 200
 def main() -> None:
     """Print the table."""
     shared = Path(sys.argv[1] if len(sys.argv) > 1 else "../shared")
-    confirmed, counted = 0, 0
+    confirmed, following, counted = 0, 0, 0
     print(
         f"{'receiver':34}{'fixes':>14}{'':>11}{'number':>7}{'claims':>8}{'white':>8}{'slow':>8}{'tau':>6}"
-        f"{'NIS':>6}{'before':>8}{'after':>7}"
+        f"{'NIS':>6}{'follows':>8}{'before':>8}{'after':>7}"
     )
     with tempfile.TemporaryDirectory() as folder:
         for name in RECEIVERS:
@@ -62,13 +63,15 @@ def main() -> None:
                 nis = "     -" if math.isnan(row.nis) else f"{row.nis:6.2f}"
                 print(
                     f"{path.name[:33]:34}{row.kind:>14}{row.axis:>11}{row.fixes:7d}{''.join(figures)}{tau}{nis}"
-                    f"{found.before:8.2f}{found.after:7.2f}",
+                    f"{row.following:8.2f}{found.before:8.2f}{found.after:7.2f}",
                     flush=True,
                 )
                 if row.fixes >= MANY and math.isfinite(row.nis):
                     counted += 1
                     confirmed += FITS[0] <= row.nis <= FITS[1]
+                    following += FITS[0] <= row.following <= FITS[1]
     print(f"NIS of {FITS[0]} to {FITS[1]}: {confirmed} of {counted} rows with {MANY} fixes or more")
+    print(f"the same with a σ that follows the innovations: {following} of {counted}")
 
 
 if __name__ == "__main__":
