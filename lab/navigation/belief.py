@@ -121,7 +121,7 @@ def belief(
     aligned = constants is not None
     constants = constant_errors(sensors, navigator) if constants is None else constants
     single = of_bias_states(sensors, navigator) if single is None else single
-    drive, decay = bias_processes(single, np.diag(constants))
+    drive, decay = bias_processes(single, np.diag(constants), aligned=aligned)
     noise = _given(navigator.q) if navigator.q is not None else matched_noise(sensors, drive[:3], drive[3:])
     R = _given(navigator.r) if navigator.r is not None else matched_r(sensors)
     root = np.sqrt(r_factors(navigator))
@@ -265,7 +265,7 @@ def r_factors(navigator: NavigatorSettings) -> FloatArray:
 
 
 def bias_processes(
-    sensors: SensorSuite, constants: FloatArray | None = None
+    sensors: SensorSuite, constants: FloatArray | None = None, *, aligned: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Return drive densities (6,) and decay rates (6,) of the filter's bias states, as `bias_process`.
 
@@ -274,12 +274,14 @@ def bias_processes(
     sensors
         The errors of the sensors.
     constants : (21,) array
-        Variances of the constant errors after an alignment; by default, those before any alignment.
+        Variances of the constant errors; by default, those before any alignment.
+    aligned
+        Whether they are those after an alignment.
     """
     gyro, accel = (None, None) if constants is None else (constants[GYRO_BIAS], constants[ACCEL_BIAS])
     hidden = hidden_by_fixes(sensors)
     parts = (
-        bias_process(sensors.gyro, gyro, hidden[:3]),
+        bias_process(sensors.gyro, gyro, hidden[:3], aligned=aligned),
         bias_process(sensors.accelerometer, accel, hidden[3:]),
     )
     drive, decay = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -290,19 +292,22 @@ def bias_process(
     errors: GyroErrors | AccelerometerErrors,
     constant: FloatArray | None = None,
     hidden: FloatArray | float = 0.0,
+    *,
+    aligned: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Return drive density (3,) and decay rate (3,) of the filter's one bias state for each axis.
 
-    `hidden` is the time of `hidden_by_fixes`.
+    `hidden` is the time of `hidden_by_fixes`, and `aligned` says that a gyro's constant is what an alignment
+    left.
 
     The true bias is a constant plus Gauss-Markov processes; flicker is modelled as one of them. The filter's
     single Gauss-Markov state has the variance of all together and the short-term growth Σ 2 σ² / τ. A random
     walk adds K² to the drive and nothing to the decay. The model is exact for a single part.
 
     Beside a large constant, a state of that growth is a random walk, which goes on growing where flicker does
-    not. Such a constant is also what an alignment leaves of a gyro bias that is known but for the
-    g-sensitivity, which has states of its own. Headings show a gyro bias late. So the state of a gyro changes
-    by flicker as the process that stands for it does within the time T of its largest Allan deviation, by
+    not. After an alignment, such a constant is about the vertical: the bias is known but for the
+    g-sensitivity, which has states of its own. Headings show this bias late. So the state then changes by
+    flicker as the process that stands for it does within the time T of its largest Allan deviation, by
     2 σ² (1 − exp(−T / τ)).
 
     The noise hides fast changes of the instability, so only their variance counts. For a bias with the drive
@@ -316,7 +321,7 @@ def bias_process(
     level = HIDDEN * instability * np.sqrt(constant + instability)
     hiding = constant * si(errors, "noise_density") ** 2
     settled = np.divide(level**2, hiding, out=np.full(3, np.inf), where=hiding > 0)
-    if isinstance(errors, GyroErrors):
+    if aligned:
         share = np.divide(flicker, total, out=np.zeros(3), where=total > 0)
         changing = -total * np.log1p(share * np.expm1(-FLICKER_PEAK)) / FLICKER_PEAK
     else:

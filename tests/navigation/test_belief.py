@@ -83,10 +83,10 @@ def test_the_process_of_flicker_peaks_where_the_white_noise_meets_the_floor():
     assert noise / np.sqrt(peak) == pytest.approx(0.664 * B, rel=0.005)
 
 
-def test_beside_a_constant_a_gyro_changes_by_its_flicker_and_no_more():
+def test_beside_what_an_alignment_leaves_a_gyro_changes_by_its_flicker_and_no_more():
     """Within the time of the largest Allan deviation; 900 B² are what a g-sensitivity leaves of a bias."""
     errors = GyroErrors(bias_sigma=30 * 10 / 3600, flicker=10, noise_density=0.01)
-    drive, decay = bias_process(errors)
+    drive, decay = bias_process(errors, aligned=True)
     variance, time = flicker_process(errors)
     total, T = drive / (2 * decay), FLICKER_PEAK * time
     assert np.allclose(total, variance + (30 * 10 * DEGREE / 3600) ** 2, rtol=1e-12)
