@@ -50,8 +50,9 @@ from lab.data.sheets.sheet_blocks import (
 from lab.data.sheets.sheet_clock import offset_that_agrees, remark_on_ends
 from lab.data.sheets.sheet_field import field_of
 from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
+from lab.data.sheets.sheet_gravity import refuse_cm_per_s2
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
-from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, refuse_cm_per_s2, without_gravity
+from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, without_gravity
 from lab.data.sheets.sheet_layout import as_utf8, cells_of, layout_of
 from lab.data.sheets.sheet_pressure import barometer_of
 from lab.data.sheets.sheet_sources import (

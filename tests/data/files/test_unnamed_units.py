@@ -13,7 +13,8 @@ from lab.data.protocols.column_map import ColumnMap
 from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sheet import read_sheet
 from lab.data.sheets.sheet_fixes import fixes_of
-from lab.data.sheets.sheet_imu import imu_of, refuse_cm_per_s2
+from lab.data.sheets.sheet_gravity import refuse_cm_per_s2
+from lab.data.sheets.sheet_imu import imu_of
 from lab.missions import MissionError
 
 

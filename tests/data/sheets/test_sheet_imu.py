@@ -6,7 +6,8 @@ import pytest
 from lab.base.files.mission_error import QuestionError
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.log.sensor_log import GnssLog
-from lab.data.sheets.sheet_imu import Imu, size_of_gravity
+from lab.data.sheets.sheet_gravity import size_of_gravity
+from lab.data.sheets.sheet_imu import Imu
 from lab.missions.flight_import import read_log
 from lab.motion.frames.earth import SEMI_MAJOR_AXIS
 
