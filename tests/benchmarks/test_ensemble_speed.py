@@ -83,7 +83,7 @@ def test_a_judged_run_beside_others() -> None:
     assert _ratio(judged, plain) < 1.75
 
 
-@pytest.mark.parametrize(("what", "r_scale", "bar"), [("verdict", 1.0, 2.0), ("explained", 0.3, 3.0)])
+@pytest.mark.parametrize(("what", "r_scale", "bar"), [("verdict", 1.0, 2.0), ("explained", 0.3, 3.3)])
 def test_a_run_with_its_verdict_beside_the_run(what: str, r_scale: float, bar: float) -> None:
     """A further run, as at each move of a slider; with R too small, its innovations are explained."""
     runs, whole = [], []
