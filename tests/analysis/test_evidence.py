@@ -10,6 +10,7 @@ from lab.analysis.verdicts import hypotheses, imu_causes, innovation_evidence
 from lab.analysis.verdicts.evidence import BLOCKS, Reference, state_means, usage
 from lab.analysis.verdicts.run_evidence import evidence_of
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, QUARTERS, Figure
+from lab.analysis.verdicts.sums import pseudoinverse
 from lab.analysis.verdicts.verdict import judge
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
@@ -207,3 +208,14 @@ def test_a_hypothesis_without_a_covariance_has_no_likelihood() -> None:
     assert list(of_two_hypotheses(-0.25).likelihoods) == [0.0, -np.inf]
     with pytest.raises(np.linalg.LinAlgError):
         of_two_hypotheses(-3.0)
+
+
+def test_pseudoinverses_of_symmetric_matrices_are_those_of_numpy():
+    rng = np.random.default_rng(3)
+    rows = rng.normal(size=(40, 6, 4))
+    singular = rows @ np.swapaxes(rows, 1, 2)  # of rank 4
+    whole = singular + np.eye(6)
+    nothing = np.zeros((1, 6, 6))
+    for matrices in (singular, whole, whole - 3 * np.eye(6), nothing):
+        ours, numpys = pseudoinverse(matrices, 1e-9), np.linalg.pinv(matrices, rcond=1e-9, hermitian=True)
+        np.testing.assert_allclose(ours, numpys, atol=1e-9 * np.abs(numpys).max())
