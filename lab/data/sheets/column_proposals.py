@@ -13,13 +13,13 @@ from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.unit_names import UNITS
 from lab.data.rebuild.raw_flight import ColumnUnit
 from lab.data.sheets.column_names import IGNORED, Heading
-from lab.data.sheets.sensor_csv import as_override, tables_in, units_of_imu
+from lab.data.sheets.sensor_csv import as_override, units_of_imu
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_blocks import read_sheets
 from lab.data.sheets.sheet_clock import clock_of
 from lab.data.sheets.sheet_fixes import fixes_of
 from lab.data.sheets.sheet_layout import as_utf8, numbered_layout
-from lab.data.sheets.sheet_sources import as_table
+from lab.data.sheets.sheet_sources import as_table, tables_in
 
 _LOOKED_AT = 2**21
 """Bytes of each table that are looked at: some minutes of an IMU."""

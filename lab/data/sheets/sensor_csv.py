@@ -19,13 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.files.file_content import ZIP, unzipped, whole
+from lab.base.files.file_content import ZIP, whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.checks.gyro_check import are_explained
 from lab.data.checks.imu_axes import axes_matrix
 from lab.data.checks.log_check import is_explained, matches_of
-from lab.data.files import fit, fit_imu
 from lab.data.files.track import Track
 from lab.data.files.unit_names import refuse_unknown
 from lab.data.log.auxiliary_data import AuxiliaryData
@@ -33,8 +32,7 @@ from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
 from lab.data.log.vehicle import vehicle_of
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES, Heading
-from lab.data.sheets.json_tables import is_json, json_tables
-from lab.data.sheets.long_table import is_long, long_tables
+from lab.data.sheets.json_tables import is_json
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.data.sheets.sheet import Sheet
 from lab.data.sheets.sheet_attitude import attitude_of, reference_of
@@ -55,14 +53,7 @@ from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
 from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, without_gravity
 from lab.data.sheets.sheet_layout import as_utf8, cells_of, layout_of
 from lab.data.sheets.sheet_pressure import barometer_of
-from lab.data.sheets.sheet_sources import (
-    KITTI_FRAME,
-    KITTI_STAMP,
-    KITTI_STAMPS,
-    as_table,
-    kitti_files,
-    kitti_table,
-)
+from lab.data.sheets.sheet_sources import ENDINGS, KITTI_STAMP, as_table, parted, tables_in
 from lab.motion.frames.displacement import velocity_of_positions
 
 _Checked = Callable[[Imu, GnssLog], Oriented]
@@ -70,11 +61,6 @@ _Checked = Callable[[Imu, GnssLog], Oriented]
 
 NAME = "csv with named columns"
 
-MAX_MEMBERS = 200
-"""Most files in a zip: exports of phones have some twenty."""
-_HEAD_BYTES = 2**16
-"""Bytes that show whether the rows of a text are of several kinds."""
-_ENDINGS = (".csv", ".txt", ".tsv", ".dat")
 _KITTI = b"oxts/"
 _MIN_QUANTITIES = 3
 """Fewest quantities that the headings of a file must name: time, and two more."""
@@ -97,14 +83,14 @@ _ROS = ("angular velocity", "linear acceleration")
 def recognises(head: bytes) -> bool:
     """Return whether a file has a header that names a position or a sensor, or is a zip of such files."""
     if head.startswith(ZIP):
-        return _KITTI in head or any(ending.encode() in head for ending in _ENDINGS[:2])
+        return _KITTI in head or any(ending.encode() in head for ending in ENDINGS[:2])
     text = as_utf8(head)
     is_binary = len(_CONTROL.findall(text)) > _MOST_CONTROLS * len(text)  # noise names columns too
     if head[:4000].count(0) > len(head[:4000]) // 2 or not (b"\n" in text or is_json(text)) or is_binary:
         return False
     # Columns x, y and z are of a sensor that the name of the file tells.
     return KITTI_STAMP.match(head) is not None or any(
-        _names_enough(table, name) for name, table in _parted("accelerometer", text)
+        _names_enough(table, name) for name, table in parted("accelerometer", text)
     )
 
 
@@ -399,48 +385,6 @@ def names_quantity(text: str) -> bool:
 def as_override(text: str) -> str:
     """Return what `lab.data.sheets.sheet` takes: a quantity as it is, a unit in brackets."""
     return text if names_quantity(text) else f"[{text}]"
-
-
-def tables_in(path: Path, data: bytes) -> list[tuple[str, bytes]]:
-    """Return the tables in a file by name: those in a zip file, a drive of KITTI, or the file itself."""
-    if fit.recognises(data):
-        return fit_imu.tables(path, data)
-    if not data.startswith(ZIP):
-        loose = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
-        return [loose] if loose else _parted(path.name, data)
-    found = unzipped(path, data, _wanted, MAX_BYTES)
-    if not found:
-        raise MissionError(
-            f"{path}: the zip file has no {', '.join(_ENDINGS)} in it; accepted are zip files of such files"
-        )
-    frames = [(name, text) for name, text in found if KITTI_FRAME.search(name)]
-    if not frames:
-        return [one for name, text in found for one in _parted(Path(name).name, text)]
-    drive = frames[0][0].partition("/oxts/")[0].rpartition("/")[2]
-    return [(drive, kitti_table([text for _, text in frames], found[-1][1]))]
-
-
-def _parted(name: str, data: bytes) -> list[tuple[str, bytes]]:
-    """Return the tables in a text whose rows are of several kinds, named by these; others as they are."""
-    head = as_utf8(data[:_HEAD_BYTES])
-    of_file, found = "", []
-    if is_json(head):
-        found = json_tables(as_utf8(data))
-    elif is_long(head):
-        found, of_file = long_tables(as_utf8(data)), f" of {name}"
-    stem = name.partition(".")[0]
-    named = [(f"{(kind or stem).replace('.', ' ')}.csv{of_file}", table) for kind, table in found]
-    return named or [(name, data)]
-
-
-def _wanted(names: Sequence[str]) -> list[str]:
-    """Return the files of a zip file to read: the samples and then the times of a KITTI drive, or tables."""
-    frames = sorted(filter(KITTI_FRAME.search, names))
-    stamps = list(filter(KITTI_STAMPS.search, names))
-    if frames and stamps:
-        return [*frames, stamps[0]]
-    tables = [one for one in names if one.lower().endswith(_ENDINGS) and not one.startswith("__MACOSX")]
-    return tables[:MAX_MEMBERS]
 
 
 def units_of_imu(sheets: Sequence[Sheet], gnss: GnssLog | None) -> list[ColumnUnit]:

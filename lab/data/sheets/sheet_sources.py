@@ -15,10 +15,22 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.base.files.file_content import ZIP, unzipped
+from lab.base.files.mission_error import MissionError
+from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY, LEAP_SECONDS
+from lab.data.files import fit, fit_imu
 from lab.data.sheets import gnss_logger
-from lab.data.sheets.json_tables import tables_of
+from lab.data.sheets.json_tables import is_json, json_tables, tables_of
+from lab.data.sheets.long_table import is_long, long_tables
+from lab.data.sheets.sheet_layout import as_utf8
 
+MAX_MEMBERS = 200
+"""Most files in a zip: exports of phones have some twenty."""
+ENDINGS = (".csv", ".txt", ".tsv", ".dat")
+"""How the names of tables in a zip end."""
+_HEAD_BYTES = 2**16
+"""Bytes that show whether the rows of a text are of several kinds."""
 _VBO = b"[column names]"
 _VBO_UNITS = {
     "lat": "arcmin", "latitude": "arcmin", "long": "arcmin", "longitude": "arcmin", "velocity": "km/h",
@@ -168,3 +180,53 @@ def kitti_table(frames: Sequence[bytes], stamps: bytes) -> bytes:
     for time, frame in zip(stamps.decode("latin-1").split("\n"), frames, strict=False):
         lines.append(",".join((time.strip(), *frame.decode("latin-1").split())))
     return "\n".join(lines).encode()
+
+
+def tables_in(path: Path, data: bytes) -> list[tuple[str, bytes]]:
+    """Return the tables in a file by name: those in a zip file, a drive of KITTI, or the file itself."""
+    if fit.recognises(data):
+        return fit_imu.tables(path, data)
+    if not data.startswith(ZIP):
+        loose = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
+        return [loose] if loose else parted(path.name, data)
+    found = unzipped(path, data, _wanted, MAX_BYTES)
+    if not found:
+        raise MissionError(
+            f"{path}: the zip file has no {', '.join(ENDINGS)} in it; accepted are zip files of such files"
+        )
+    frames = [(name, text) for name, text in found if KITTI_FRAME.search(name)]
+    if not frames:
+        return [one for name, text in found for one in parted(Path(name).name, text)]
+    drive = frames[0][0].partition("/oxts/")[0].rpartition("/")[2]
+    return [(drive, kitti_table([text for _, text in frames], found[-1][1]))]
+
+
+def parted(name: str, data: bytes) -> list[tuple[str, bytes]]:
+    """Return the tables in a text whose rows are of several kinds, named by these; others as they are.
+
+    Parameters
+    ----------
+    name
+        Name of the file.
+    data
+        Its bytes.
+    """
+    head = as_utf8(data[:_HEAD_BYTES])
+    of_file, found = "", []
+    if is_json(head):
+        found = json_tables(as_utf8(data))
+    elif is_long(head):
+        found, of_file = long_tables(as_utf8(data)), f" of {name}"
+    stem = name.partition(".")[0]
+    named = [(f"{(kind or stem).replace('.', ' ')}.csv{of_file}", table) for kind, table in found]
+    return named or [(name, data)]
+
+
+def _wanted(names: Sequence[str]) -> list[str]:
+    """Return the files of a zip file to read: the samples and then the times of a KITTI drive, or tables."""
+    frames = sorted(filter(KITTI_FRAME.search, names))
+    stamps = list(filter(KITTI_STAMPS.search, names))
+    if frames and stamps:
+        return [*frames, stamps[0]]
+    tables = [one for one in names if one.lower().endswith(ENDINGS) and not one.startswith("__MACOSX")]
+    return tables[:MAX_MEMBERS]
