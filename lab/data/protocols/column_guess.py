@@ -308,9 +308,9 @@ def _timed(
     # What has a name that is none of a time counts, if it increases by one.
     free = [at for at in free if not headings[at].strip() or (np.diff(rows[:, at]) != 1).any()]
     free = [at for at in free if not _MOVES.search(headings[at]) or (rows[:, at] % 1 == 0).all()]
-    found = time_column(rows[:, free], remarks) if free else None
+    found = time_column(rows, remarks, free)
     if found is not None:
-        columns[free[found[0]]] = Column("time", CLOCK) if clocks[free[found[0]]] else found[1]
+        columns[found[0]] = Column("time", CLOCK) if clocks[found[0]] else found[1]
     return columns
 
 

@@ -186,7 +186,9 @@ def is_believed(step: float) -> bool:
     return step > 0 and _RATES[0] <= 1 / step <= _RATES[1]
 
 
-def time_column(rows: FloatArray, remarks: list[str]) -> tuple[int, Column] | None:
+def time_column(
+    rows: FloatArray, remarks: list[str], among: Sequence[int] | None = None
+) -> tuple[int, Column] | None:
     """Return the first column that increases by equal steps, and what it is; None if none does.
 
     One that increases by 1 is a counter, whose samples come at a rate of their own.
@@ -196,7 +198,7 @@ def time_column(rows: FloatArray, remarks: list[str]) -> tuple[int, Column] | No
     steps = np.diff(rows, axis=0)
     usual = np.median(steps, axis=0)
     counter = None
-    for place in range(rows.shape[1]):
+    for place in range(rows.shape[1]) if among is None else among:
         if not ((steps[:, place] > 0).all() and steps[:, place].max() <= _UNEVEN * usual[place]):
             continue
         if (steps[:, place] == 1).all() and (rows[:, place] % 1 == 0).all():

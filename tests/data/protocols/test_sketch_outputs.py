@@ -75,6 +75,14 @@ def test_a_map_with_a_device_is_read_as_it_is_shown():
         Column.of("source").check()
 
 
+def test_the_column_of_times_is_named_by_its_place():
+    text, _, _ = of_two_devices(TWO_DEVICES["word_number_time"], seed=7)
+    found = guess_columns(text.splitlines())
+    assert found is not None
+    times = [one for one in found.remarks if one.startswith("time:")]
+    assert times == ["time: column 2 increases by 20 a line: 50 Hz if it is in ms."]
+
+
 def test_devices_at_different_rates_and_with_lost_lines_are_not_mixed():
     rng = np.random.default_rng(8)
     text, forces, _ = of_two_devices(TWO_DEVICES["number_behind_time"], seed=8)
