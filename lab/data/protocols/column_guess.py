@@ -69,11 +69,8 @@ _SHARED = {
 """What the quantities are called here whose headings csv files share (`lab.data.sheets.column_names`)."""
 _MOVES = re.compile(r"(?i)[a-z][ _]?[xyz]$|yaw|pitch|roll|heading|angle|course|quat")
 """Headings of what may grow evenly while a device turns: of these, only whole numbers are times."""
-_BRACES = re.compile(r"[{}]")
 _LARGEST = 1e30
 """Number from which one is damaged; nanoseconds since 1970 are 1.7e18, and squares must not overflow."""
-NOTHING: Mapping[str, str] = {}
-"""Nothing is said of columns."""
 _KNOWN = tuple(
     (re.compile(one["pattern"]), ColumnMap.of(one["map"]), one["whose"])
     for one in read_toml(Path(__file__).with_name("known_lines.toml"))["lines"]
@@ -398,7 +395,7 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
                     ).append(cells)
             several = len({word for _, word, _ in kinds}) > 1
             for (before, word, _), found in kinds.items():
-                if _BRACES.search(before + word):
+                if set(before + word) & set("{}"):
                     continue  # a column map has columns in braces
                 # Of lines of several kinds, the first cell is what those of one begin with.
                 is_kind = several and word and len(found[0]) > AXES

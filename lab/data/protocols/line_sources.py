@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.data.protocols.column_map import IGNORED, Column
-from lab.data.protocols.text_cells import IS_NUMBER
+from lab.data.protocols.text_cells import IS_NUMBER, is_count
 
 _MOST = 16
 """Most devices on one cable: a multiplexer of I2C has 8 branches of two addresses."""
@@ -71,11 +71,6 @@ class Sources(NamedTuple):
 def names_a_device(heading: str) -> bool:
     """Return whether a heading, or what stands before a number, names a device: ``IMU``, ``sensor_id``."""
     return _NAMES.search(heading.strip(" :=#_-")) is not None
-
-
-def is_count(name: str) -> bool:
-    """Return whether the name of a device is a number."""
-    return name.isascii() and name.isdigit()
 
 
 def is_source(cell: str, name: str) -> bool:

@@ -1,10 +1,12 @@
-"""Text cells: the numbers, clocks and dates in a line of text, and the texts around them."""
+"""Text cells: the numbers, clocks and dates in a line of text, the texts around, and patterns of both."""
 
 from __future__ import annotations
 
 import re
 from typing import NamedTuple
 
+from lab.data.protocols.column_map import CLOCK as OF_DAY
+from lab.data.protocols.column_map import IGNORED, SOURCE, ColumnMap
 from lab.data.protocols.samples import NAN
 
 NUMBER = r"[+-]?(?:\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})(?:[eE][+-]?\d{1,3})?"
@@ -90,3 +92,49 @@ def pattern_around(text: str) -> str:
     """Return a regular expression of a text between cells, in which any number of blanks counts as one."""
     words = re.split(r"\s+", text)
     return r"\s+" if text and not any(words) else r"\s*".join(map(re.escape, words))
+
+
+def is_count(name: str) -> bool:
+    """Return whether the name of a device is a number."""
+    return name.isascii() and name.isdigit()
+
+
+def patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
+    """Return regular expressions of the lines of a sample.
+
+    Parameters
+    ----------
+    columns
+        The columns.
+    """
+    between = rf"\s*{re.escape(columns.separator)}\s*" if columns.separator != " " else r"\s+"
+    number = NUMBER.replace(r"\.", ",") if columns.decimal_comma else NUMBER
+    other = r"\S+" if columns.separator == " " else r"[^;\t]*?" if columns.decimal_comma else r"[^,;\t]*?"
+    # Lines with words have no empty cells, and dashes between them.
+    dash = NO_VALUE if columns.texts else "--?"
+    none = "" if columns.texts or columns.separator == " " else "?"
+    cells = []
+    for column in columns.columns:
+        if column.quantity == IGNORED:
+            cells.append(f"({ANY if columns.texts else other})")
+        elif column.quantity == SOURCE:
+            zeros = (r"\+?0*", r"(?:\.0*)?") if is_count(column.unit) else ("", "")
+            cells.append(f"({zeros[0]}{re.escape(column.unit)}{zeros[1]})")
+        elif column.unit == OF_DAY:
+            cells.append(f"({CLOCK})")
+        elif column.quantity in ("time", "fraction"):
+            cells.append(f"({number})")
+        else:
+            cells.append(f"((?:{number}|{NO_VALUE}|{dash}){none})")
+    if not columns.texts:
+        end = r"\s*" if columns.separator == " " else rf"\s*(?:{re.escape(columns.separator)}\s*)?"
+        return [re.compile(rf"{re.escape(columns.prefix)}\s*{between.join(cells)}{end}")]
+    left = iter(cells)
+    return [
+        re.compile(
+            r"\s*"
+            + "".join(f"{pattern_around(text)}{next(left)}" for text in texts[:-1])
+            + rf"{pattern_around(texts[-1])}\s*"
+        )
+        for texts in columns.texts
+    ]

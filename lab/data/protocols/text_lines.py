@@ -36,11 +36,10 @@ from lab.data.protocols.column_map import (
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.framing import xor8
 from lab.data.protocols.limits import TEXT_LIMITS
-from lab.data.protocols.line_sources import is_count
 from lab.data.protocols.number_guess import MIN_LINES
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_2D, FIX_3D, NAN, UNKNOWN, Samples, Vector
-from lab.data.protocols.text_cells import NO_VALUE, NUMBER, value_of
+from lab.data.protocols.text_cells import patterns_of, value_of
 from lab.data.sheets.sheet_layout import as_utf8
 
 LONGEST = 2048
@@ -228,10 +227,10 @@ class TextLines:
         for kind, unit in self._units.items():
             if any(column.kind == kind for column in columns.columns):
                 columns = columns.in_unit(kind, unit)
-        self._patterns = _patterns_of(columns)
+        self._patterns = patterns_of(columns)
         others = tuple(Column() if one.quantity == SOURCE else one for one in columns.columns)
         is_of_one = others != columns.columns
-        self._others = _patterns_of(replace(columns, columns=others)) if is_of_one else []
+        self._others = patterns_of(replace(columns, columns=others)) if is_of_one else []
         # What the lines that are read begin with; nothing if that is a number.
         self._leads = tuple(one[0].strip() for one in columns.texts) or (columns.prefix,)
         self._several, self._comma = len(self._patterns) > 1, columns.decimal_comma
@@ -384,41 +383,6 @@ class TextLines:
         except ValueError:  # a cell without a number
             return unknown
         return value if abs(value) < 2**53 else unknown
-
-
-def _patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
-    """Return regular expressions of the lines of a sample."""
-    between = rf"\s*{re.escape(columns.separator)}\s*" if columns.separator != " " else r"\s+"
-    number = NUMBER.replace(r"\.", ",") if columns.decimal_comma else NUMBER
-    other = r"\S+" if columns.separator == " " else r"[^;\t]*?" if columns.decimal_comma else r"[^,;\t]*?"
-    # Lines with words have no empty cells, and dashes between them.
-    dash = NO_VALUE if columns.texts else "--?"
-    none = "" if columns.texts or columns.separator == " " else "?"
-    cells = []
-    for column in columns.columns:
-        if column.quantity == IGNORED:
-            cells.append(f"({text_cells.ANY if columns.texts else other})")
-        elif column.quantity == SOURCE:
-            zeros = (r"\+?0*", r"(?:\.0*)?") if is_count(column.unit) else ("", "")
-            cells.append(f"({zeros[0]}{re.escape(column.unit)}{zeros[1]})")
-        elif column.unit == CLOCK:
-            cells.append(f"({text_cells.CLOCK})")
-        elif column.quantity in ("time", "fraction"):
-            cells.append(f"({number})")
-        else:
-            cells.append(f"((?:{number}|{NO_VALUE}|{dash}){none})")
-    if not columns.texts:
-        end = r"\s*" if columns.separator == " " else rf"\s*(?:{re.escape(columns.separator)}\s*)?"
-        return [re.compile(rf"{re.escape(columns.prefix)}\s*{between.join(cells)}{end}")]
-    left = iter(cells)
-    return [
-        re.compile(
-            r"\s*"
-            + "".join(f"{text_cells.pattern_around(text)}{next(left)}" for text in texts[:-1])
-            + rf"{text_cells.pattern_around(texts[-1])}\s*"
-        )
-        for texts in columns.texts
-    ]
 
 
 _Line = tuple[tuple[str, ...], int]  # cells, and where the line ends
