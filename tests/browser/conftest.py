@@ -61,7 +61,7 @@ WHOLE = f"""{IDLE} && ((cards) => cards.length && cards.every(
   (card) => card.data.collapsed || card.data.objects[0].children.length
 ))([...Bokeh.documents[0].all_models].filter((one) => one.name === "Card"))"""
 """Whether the settings are there, which come after the plots."""
-DRAWN = f"Bokeh.documents[0]?.get_model_by_name('time:position_east')?.data.time?.length > 100 && {WHOLE}"
+DRAWN = f"{WHOLE} && Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
 
 
 @pytest.fixture(scope="session")
