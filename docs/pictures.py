@@ -26,6 +26,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from dashboards.page import PAGES
 from dashboards.query import BESIDE
+from dashboards.verdict_chip import JUDGING
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "docs/pictures"
@@ -151,6 +152,7 @@ def photograph(page: Page, path: Path, height: int = HEIGHT) -> None:
     page.mouse.move(1, height - 1)  # over no button, whose tooltip would be there
     expect(page.get_by_role("tooltip")).to_have_count(0)
     page.wait_for_function(IDLE)
+    expect(page.locator(".verdict-chip")).not_to_contain_text(JUDGING)
     write(at_rest(page.screenshot), path)
 
 
