@@ -151,6 +151,11 @@ class SchoolClass:
             return True
 
     @property
+    def has_leader(self) -> bool:
+        """Whether a page leads the class, also one whose connection is lost just now."""
+        return self._leader is not None
+
+    @property
     def expired(self) -> bool:
         """Whether the class has lost its teacher for `ALONE`, or is older than `LIFETIME`."""
         now = self._clock()

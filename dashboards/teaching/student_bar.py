@@ -269,7 +269,7 @@ class StudentBar:
             text = OWN_WAY
         elif self._class.moment is None:
             text = WAITING
-        elif not self._class.is_led:
+        elif not self._class.has_leader:
             text = AWAY
         else:
             text = KEPT if self._own is not None else FOLLOWING
