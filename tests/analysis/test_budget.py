@@ -34,6 +34,7 @@ from lab.motion.frames import earth
 from lab.motion.frames.east_north_up import east_north_up
 from lab.motion.frames.rotation import wrap
 from lab.navigation.filters.error_models import POS, VEL
+from lab.navigation.settings import NavigatorSettings
 from lab.sensors.gps import GpsErrors
 
 LATITUDE = 0.7
@@ -78,7 +79,7 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
             velocity_n=np.zeros((n + 1, 3)),
         ),
         experiment=SimpleNamespace(
-            navigator=SimpleNamespace(correction="feedforward"),
+            navigator=NavigatorSettings(correction="feedforward"),
             sensors=SimpleNamespace(gps=GpsErrors()),
         ),
         fixes=SimpleNamespace(time=time[list(fixes)], position=np.tile([LATITUDE, -2.0, 0], (len(fixes), 1))),
