@@ -192,7 +192,7 @@ def _repeated(proposals: Sequence[Proposal]) -> str:
         if one.said != IGNORED and one.evidence == ANSWERED:
             found.setdefault((one.file, one.said.lstrip("-").partition("[")[0]), []).append(one.heading)
     return " ".join(
-        f"More than one column is said to be {_LABELS.get(name, name.replace('_', ' '))}: "
+        f"More than one column is said to be {escape(_LABELS.get(name, name.replace('_', ' ')))}: "
         f"{escape(', '.join(headings))}."
         for (_, name), headings in found.items()
         if len(headings) > 1

@@ -36,6 +36,7 @@ from lab.analysis.verdicts.finding import Weighed, written
 from lab.analysis.verdicts.foreign_evidence import FEWEST, SETTLED, Measurement
 from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.base.arrays import Flags, FloatArray, of_kernel
+from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.log.filter_log import AXES, nearest
 from lab.data.log.sensor_log import GnssLog
 from lab.navigation.kernels.compilation import entry_kernel, kernel
@@ -66,8 +67,6 @@ CERTAIN = 5.0
 """t-value from which the sign of innovations is known."""
 SLOWEST = 0.5
 """Speed below which a course is unknown [m/s]."""
-GRAVITY = 9.81
-"""[m/s²]."""
 START = (0.05, 0.5)
 """σ of tilts and heading at the start of the log [rad]."""
 FIRST = 100.0
@@ -293,7 +292,8 @@ def _respond(
             if variance[k, i] < UNUSED:
                 _correct(x, P, i, variance[k, i], errors[k, i], work)
         dt = step[k]
-        f, g, h = acceleration[k, 0] * dt, acceleration[k, 1] * dt, (acceleration[k, 2] - GRAVITY) * dt
+        f, g = acceleration[k, 0] * dt, acceleration[k, 1] * dt
+        h = (acceleration[k, 2] - STANDARD_GRAVITY) * dt
         F[3, 7], F[3, 8], F[4, 6] = -h, g, h
         F[4, 8], F[5, 6], F[5, 7] = -f, -g, f
         for i in range(3):

@@ -56,16 +56,22 @@ def tables_of(rows: Iterable[tuple[str, dict[str, str]]], size: int) -> list[tup
     size
         Bytes of the text that they are from: rows that need many times of that are left out.
     """
-    names: dict[str, dict[str, None]] = {}
+    names: dict[str, dict[str, int]] = {}
     lines: dict[str, list[str]] = {}
     left = _MOST_BYTES * size + _DEEP
     for kind, row in rows:
         if left < 0 or (kind not in lines and len(lines) == _MAX_KINDS):
             continue
-        known = names.setdefault(kind, {})
-        cells = {name.translate(_NO_CELL): cell.translate(_NO_CELL) for name, cell in row.items()}
-        known.update(dict.fromkeys(list(cells)[: max(_MAX_KEYS - len(known), 0)]))
-        lines.setdefault(kind, []).append(",".join(cells.get(name, "") for name in known).rstrip(","))
+        places, cells = names.setdefault(kind, {}), {}
+        for name, cell in row.items():
+            word = name.translate(_NO_CELL)
+            if len(places) < _MAX_KEYS:
+                places.setdefault(word, len(places))
+            if word in places:
+                cells[places[word]] = cell.translate(_NO_CELL)
+        # A row ends with its last cell: of a thousand names, most rows may have few.
+        line = ",".join(cells.get(place, "") for place in range(max(cells, default=-1) + 1))
+        lines.setdefault(kind, []).append(line.rstrip(","))
         left -= len(lines[kind][-1])
     made = []
     for kind, (first, *others) in lines.items():
