@@ -27,7 +27,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from itertools import pairwise
 
-from lab.base.parameters.units import DAY, KNOT
+from lab.base.parameters.units import DAY, KILOMETRE_PER_HOUR, KNOT
 from lab.data.protocols.device_time import FIRST_YEAR, LAST_YEAR
 from lab.data.protocols.epochs import Epoch, Epochs
 from lab.data.protocols.framing import MORE, NONE, Framing, xor8
@@ -112,8 +112,6 @@ _MODES = {
 """Kinds of fixes by the modes of GNS, RMC and GLL; GNS has one for each system of satellites."""
 _NUMBERS = ("altitude", "geoid", "satellites", "north", "east", "up", "speed", "course")
 _OF_UBLOX = ("ellipsoid", "kmh", "horizontal", "down")
-_KMH = 3.6
-"""Speed in km/h of 1 m/s."""
 _SOLUTIONS = {
     "NF": NO_FIX, "TT": NO_FIX, "DR": ESTIMATED, "G2": FIX_2D, "G3": FIX_3D, "D2": FIX_2D,
     "D3": FIX_DIFFERENTIAL, "RK": COMBINED,
@@ -286,7 +284,9 @@ class Nmea(Framing):
         if above_ellipsoid := math.isfinite(ellipsoid) and math.isnan(self._last_geoid):
             height = ellipsoid
         radius = math.sqrt((north * north + east * east) / 2) if math.isnan(radius) else radius
-        velocity, sigma = self._velocity(speed * KNOT if math.isnan(kmh) else kmh / _KMH, course)
+        velocity, sigma = self._velocity(
+            speed * KNOT if math.isnan(kmh) else kmh * KILOMETRE_PER_HOUR, course
+        )
         velocity = (*velocity[:2], down if abs(down) <= LARGEST_SPEED else NAN)
         kind = _combined([kind for one in said if (kind := _kind_of(one)) is not None])
         rows.add_fix(
