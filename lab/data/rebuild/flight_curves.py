@@ -186,12 +186,13 @@ class FlightCurves:
             position = at[0] + anchored_offsets(time, at, velocity_f, self.grid)
         return position, axes.vectors_n(CubicSpline(time, velocity_f)(self.grid), position)
 
+    def _given_smoothing(self) -> float:
+        return float(self.settings.smoothing_parameter) if self.settings.smoothing == "given" else 0.0
+
     def _spline(self, name: str, values: FloatArray, step: float) -> CubicSpline[np.float64]:
         """Return the spline through values recorded in steps, smoothed as the settings say."""
-        parameter = 0.0
-        if self.settings.smoothing == "given":
-            parameter = float(self.settings.smoothing_parameter)
-        elif self.settings.smoothing == AUTO:
+        parameter = self._given_smoothing()
+        if self.settings.smoothing == AUTO:
             asked_for = best_smoothing(self.raw.time, values)
             parameter = max(asked_for, smoothing_of_steps(self.raw.time, values, step))
             parameter = calming_smoothing(self.raw.time, values, parameter, 2)
@@ -201,10 +202,8 @@ class FlightCurves:
 
     def _smoothed_velocity(self, velocity: FloatArray) -> FloatArray:
         """Return a velocity smoothed as the settings say."""
-        parameter = 0.0
-        if self.settings.smoothing == "given":
-            parameter = float(self.settings.smoothing_parameter)
-        elif self.settings.smoothing == AUTO:
+        parameter = self._given_smoothing()
+        if self.settings.smoothing == AUTO:
             own = slice(None, None, self.raw.every("velocity"))
             time = self.raw.time[own]
             parameter = worthwhile_smoothing(time, velocity[own], NOISE_THAT_MATTERS)

@@ -180,24 +180,17 @@ def report(
     vehicle = f"judged as {_VEHICLES[rebuilt.vehicle]}{stated}; --set vehicle=NAME states another one"
     units = [(one.column, f"{one.unit} ({one.source})") for one in raw.units]
     units += [("", "another unit is given with --unit COLUMN=UNIT")] if units else []
-    rows = [
-        *_file(raw, flight),
-        *_time(flight),
-        *(
-            ReportRow(
-                "Resolution",
-                name.capitalize(),
-                f"steps of {step:.3g} {unit}" if step else "finer than the samples show",
-            )
-            for name, (step, unit) in value_steps(flight.raw).items()
-        ),
-        *_curve(rebuilt),
-        ReportRow("Curve", "Vehicle", vehicle),
-        *_noise(flight, force, rate, sensor),
-        *_motion(moves),
-        *(ReportRow("Units", *unit) for unit in units),
-        *(ReportRow("Remarks", "", text) for text in (*raw.remarks, *rebuilt.remarks)),
-    ]
+    sections: dict[str, Iterable[tuple[str, str]]] = {
+        "File": _file(raw, flight),
+        "Time": _time(flight),
+        "Resolution": _resolutions(flight),
+        "Curve": (*_curve(rebuilt), ("Vehicle", vehicle)),
+        "Noise": _noise(flight, force, rate, sensor),
+        "Motion": _motion(moves),
+        "Units": units,
+        "Remarks": [("", text) for text in (*raw.remarks, *rebuilt.remarks)],
+    }
+    rows = [ReportRow(group, *pair) for group, pairs in sections.items() for pair in pairs]
     return ImportReport(verdict, found, tuple(rows), force, rate)
 
 
@@ -208,48 +201,46 @@ _WORDS = {
 """Quantities of a raw flight, in words."""
 
 
-def _file(raw: RawFlight, flight: RepairedFlight) -> list[ReportRow]:
-    rows = [
-        ReportRow("File", "Format", raw.format),
-        ReportRow(
-            "File", "Samples", f"{raw.rows_read or len(raw.time)} rows read, {len(flight.raw.time)} used"
-        ),
-        ReportRow("File", "Quantities", ", ".join(_WORDS.get(name, name) for name in raw.quantities)),
-    ]
-    left = [f"{one.count} × {one.reason} (first: row {one.first_row})" for one in raw.dropped]
-    left += [f"{one.count} × {one.reason}" for one in flight.dropped]
-    return [*rows, *(ReportRow("File", "Left out", text) for text in left)]
+def _file(raw: RawFlight, flight: RepairedFlight) -> Iterator[tuple[str, str]]:
+    yield "Format", raw.format
+    yield "Samples", f"{raw.rows_read or len(raw.time)} rows read, {len(flight.raw.time)} used"
+    yield "Quantities", ", ".join(_WORDS.get(name, name) for name in raw.quantities)
+    for one in raw.dropped:
+        yield "Left out", f"{one.count} × {one.reason} (first: row {one.first_row})"
+    for one in flight.dropped:
+        yield "Left out", f"{one.count} × {one.reason}"
 
 
-def _time(flight: RepairedFlight) -> list[ReportRow]:
+def _time(flight: RepairedFlight) -> Iterator[tuple[str, str]]:
     steps = np.diff(flight.raw.time)
     usual = float(np.median(steps))
     each = " and ".join(f"the {name} (recorded at {rate:.3g} Hz)" for name, rate in flight.raw.rates)
-    rows = [
-        ReportRow(
-            "Time",
-            "Rate",
+    yield (
+        "Rate",
+        (
             f"{1 / usual:.4g} Hz, steps of {1000 * steps.min():.4g} to {1000 * steps.max():.4g} ms, usually "
-            f"{1000 * usual:.4g} ms{f'; interpolated to them: {each}' if each else ''}",
+            f"{1000 * usual:.4g} ms{f'; interpolated to them: {each}' if each else ''}"
         ),
-        ReportRow(
-            "Time", "Duration", f"{flight.raw.time[-1]:.2f} s, from {flight.started:.12g} s of its clock"
-        ),
-    ]
+    )
+    yield "Duration", f"{flight.raw.time[-1]:.2f} s, from {flight.started:.12g} s of its clock"
     if flight.tick:
-        rows.append(ReportRow("Time", "Resolution", f"stamps lie on a grid of {1000 * flight.tick:.4g} ms"))
+        yield "Resolution", f"stamps lie on a grid of {1000 * flight.tick:.4g} ms"
     text = _REPAIRS[flight.method]
     if flight.step:
         text += f" of {1000 * flight.step:.6g} ms"
     if flight.method != AS_RECORDED:
         text += f", moved by {1000 * flight.moved_rms:.3g} ms rms, {1000 * flight.moved_max:.3g} ms at most"
-        if flight.calmed < 1:
-            text += f"; the roughness of the motion falls to {100 * flight.calmed:.2g} %"
-    rows.append(ReportRow("Time", "Stamps", text))
-    rows.append(ReportRow("Time", "Gaps", _gaps(flight)))
+    if flight.calmed < 1:
+        text += f"; the roughness of the motion falls to {100 * flight.calmed:.2g} %"
+    yield "Stamps", text
+    yield "Gaps", _gaps(flight)
     if flight.raw.resets:
-        rows.append(ReportRow("Time", "Resets", _resets(flight.raw.resets)))
-    return rows
+        yield "Resets", _resets(flight.raw.resets)
+
+
+def _resolutions(flight: RepairedFlight) -> Iterator[tuple[str, str]]:
+    for name, (step, unit) in value_steps(flight.raw).items():
+        yield name.capitalize(), f"steps of {step:.3g} {unit}" if step else "finer than the samples show"
 
 
 def _gaps(flight: RepairedFlight) -> str:
@@ -285,32 +276,26 @@ def _what_keeps_more(flight: RepairedFlight) -> str:
     return f"The recording is cut at pauses longer than {flight.longest_gap:.4g} s: {kept}"
 
 
-def _curve(rebuilt: Reconstruction) -> list[ReportRow]:
+def _curve(rebuilt: Reconstruction) -> Iterator[tuple[str, str]]:
     recording = rebuilt.recording
     how = "the samples as they are" if rebuilt.unchanged else f"rebuilt from {rebuilt.curve}"
     rate = (len(recording.time) - 1) / recording.duration
-    rows = [ReportRow("Curve", "Mission", f"{how}, {len(recording.time)} samples at {rate:.4g} Hz")]
-    rows += [
-        ReportRow("Curve", f"From {name}", f"noise of the acceleration {noise:.3g} m/s² before smoothing")
-        for name, noise in rebuilt.offered.items()
-    ]
+    yield "Mission", f"{how}, {len(recording.time)} samples at {rate:.4g} Hz"
+    for name, noise in rebuilt.offered.items():
+        yield f"From {name}", f"noise of the acceleration {noise:.3g} m/s² before smoothing"
     if rebuilt.smoothing:
-        text = ", ".join(f"{name} λ = {value:.2g} s³" for name, value in rebuilt.smoothing.items())
-        rows.append(ReportRow("Curve", "Smoothed", text))
+        yield "Smoothed", ", ".join(f"{name} λ = {value:.2g} s³" for name, value in rebuilt.smoothing.items())
     if rebuilt.position_residual is not None:
-        rows.append(ReportRow("Curve", "Position residual", f"{_ned(rebuilt.position_residual)} m rms"))
+        yield "Position residual", f"{_ned(rebuilt.position_residual)} m rms"
     if rebuilt.velocity_residual is not None:
-        rows.append(ReportRow("Curve", "Velocity residual", f"{_ned(rebuilt.velocity_residual)} m/s rms"))
+        yield "Velocity residual", f"{_ned(rebuilt.velocity_residual)} m/s rms"
     if rebuilt.attitude_residual is not None:
-        rows.append(
-            ReportRow("Curve", "Attitude residual", f"{np.degrees(rebuilt.attitude_residual):.2g}° rms")
-        )
+        yield "Attitude residual", f"{np.degrees(rebuilt.attitude_residual):.2g}° rms"
     if rebuilt.attitude_reconstructed:
-        text = f"reconstructed from the velocity: {_ATTITUDES[rebuilt.vehicle]}; the file has none"
-        rows.append(ReportRow("Curve", "Attitude", text))
+        how = f"reconstructed from the velocity: {_ATTITUDES[rebuilt.vehicle]}; the file has none"
+        yield "Attitude", how
     if rebuilt.wind is not None:
-        rows.append(ReportRow("Curve", "Wind", _wind(rebuilt.wind)))
-    return rows
+        yield "Wind", _wind(rebuilt.wind)
 
 
 def _ned(values: FloatArray) -> str:
@@ -326,18 +311,19 @@ def _wind(wind: FloatArray) -> str:
     return f"{speed:.2f} m/s from {origin:.0f}°{vertical}" if speed >= _LEAST_WIND else "none"
 
 
-def _noise(flight: RepairedFlight, force: float, rate: float, sensor: SensorNoise | None) -> list[ReportRow]:
+def _noise(
+    flight: RepairedFlight, force: float, rate: float, sensor: SensorNoise | None
+) -> Iterator[tuple[str, str]]:
     usual = float(np.median(np.diff(flight.raw.time)))
-    bands = [0.5 / (usual * flight.raw.every(name)) for name in ("velocity", "attitude")]
-    texts = [f"{force:.3g} m/s² rms in the fast part", f"{np.degrees(rate):.3g} °/s rms in the fast part"]
-    if sensor is not None:
-        own = np.sqrt(3 * np.array(bands)) * (sensor.accelerometer, np.degrees(sensor.gyro))
-        texts[0] += f"; {sensor.name} itself up to {bands[0]:.3g} Hz: {own[0]:.3g} m/s²"
-        texts[1] += f"; {sensor.name} itself up to {bands[1]:.3g} Hz: {own[1]:.3g} °/s"
-    return [
-        ReportRow("Noise", name, text)
-        for name, text in zip(("Specific force", "Body rates"), texts, strict=True)
-    ]
+    own = (0.0, 0.0) if sensor is None else (sensor.accelerometer, np.degrees(sensor.gyro))
+    for name, quantity, noise, density, unit in (
+        ("Specific force", "velocity", force, own[0], "m/s²"),
+        ("Body rates", "attitude", np.degrees(rate), own[1], "°/s"),
+    ):
+        text, band = f"{noise:.3g} {unit} rms in the fast part", 0.5 / (usual * flight.raw.every(quantity))
+        if sensor is not None:
+            text += f"; {sensor.name} itself up to {band:.3g} Hz: {np.sqrt(3 * band) * density:.3g} {unit}"
+        yield name, text
 
 
 def _thinned(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[RepairedFlight, Reconstruction]:
@@ -387,33 +373,30 @@ def _fast_parts(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[float,
     return float(force), float(rate)
 
 
-def _motion(moves: RebuiltMotion) -> list[ReportRow]:
+def _motion(moves: RebuiltMotion) -> Iterator[tuple[str, str]]:
     force, rate = moves.specific_force, np.degrees(moves.body_rate)
-    rows = [
-        ReportRow(
-            "Motion", "Specific force", f"usually {np.median(force):.3g}, at most {force.max():.3g} m/s²"
-        ),
-        ReportRow("Motion", "Acceleration", f"usually {moves.acceleration:.3g} m/s²"),
-        ReportRow("Motion", "Body rates", f"usually {np.median(rate):.2g}, at most {rate.max():.3g} °/s"),
-        ReportRow("Motion", "Climb or descent", f"at most {moves.climb.max():.3g} m/s"),
-        ReportRow(
-            "Motion", "Speed", f"usually {np.median(moves.speed):.3g}, at most {moves.speed.max():.3g} m/s"
-        ),
-    ]
+    yield "Specific force", f"usually {np.median(force):.3g}, at most {force.max():.3g} m/s²"
+    yield "Acceleration", f"usually {moves.acceleration:.3g} m/s²"
+    yield "Body rates", f"usually {np.median(rate):.2g}, at most {rate.max():.3g} °/s"
+    yield "Climb or descent", f"at most {moves.climb.max():.3g} m/s"
+    yield "Speed", f"usually {np.median(moves.speed):.3g}, at most {moves.speed.max():.3g} m/s"
     like = moves.leaning
     if like is not None and like.strength > limits.LOG.lively_speed:
-        text = (
-            f"horizontal specific force {like.ratio:.2f} times what they lean for, "
-            f"{abs(np.degrees(like.angle)):.0f}° beside it, coherence {like.coherence:.2f}"
+        yield (
+            "Pitch and roll",
+            (
+                f"horizontal specific force {like.ratio:.2f} times what they lean for, "
+                f"{abs(np.degrees(like.angle)):.0f}° beside it, coherence {like.coherence:.2f}"
+            ),
         )
-        rows.append(ReportRow("Motion", "Pitch and roll", text))
     if moves.agreements is not None:
-        text = "; ".join(
-            f"{axis} slope {like.slope:.3f}, correlation {like.correlation:.4f}"
-            for axis, like in zip("xyz", moves.agreements, strict=True)
+        yield (
+            "Against recorded rates",
+            "; ".join(
+                f"{axis} slope {like.slope:.3f}, correlation {like.correlation:.4f}"
+                for axis, like in zip("xyz", moves.agreements, strict=True)
+            ),
         )
-        rows.append(ReportRow("Motion", "Against recorded rates", text))
-    return rows
 
 
 def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[FlightFinding]:

@@ -6,6 +6,7 @@ violates their agreement by a known factor, which names the likely cause.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -171,10 +172,14 @@ def _derived_quantities(flight: RepairedFlight, rebuilt: Reconstruction) -> dict
     return made
 
 
+def _finding(level: str, said: str, likely: str) -> FlightFinding:
+    return FlightFinding(level, f"{said}. Likely: {likely}.")
+
+
 def _beyond_limits(
     flight: RepairedFlight, rebuilt: Reconstruction, moves: RebuiltMotion
-) -> list[FlightFinding]:
-    vehicle, found = rebuilt.vehicle, []
+) -> Iterator[FlightFinding]:
+    vehicle = rebuilt.vehicle
     many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
     made = _derived_quantities(flight, rebuilt)
     causes = {**_CAUSES, **made}
@@ -184,36 +189,26 @@ def _beyond_limits(
         if often > limit.usual and not (name == "body rate" and rates_agree(moves.agreements)):
             # A file is not refused for quantities that the lab derived.
             level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
-            found.append(
-                FlightFinding(
-                    level,
-                    f"The {name} reaches {often * factor:.4g} {unit}, and {many} seldom exceed "
-                    f"{limit.usual * factor:.4g} {unit}. Likely: {causes[name]}.",
-                )
+            seldom = f"{many} seldom exceed {limit.usual * factor:.4g} {unit}"
+            yield _finding(
+                level, f"The {name} reaches {often * factor:.4g} {unit}, and {seldom}", causes[name]
             )
     usual = float(np.median(moves.specific_force))
     low, high = limits.LOG.gravity_of_flight
     # A rocket may coast, or hang under its parachute, for most of its flight.
     if vehicle != "rocket" and not low < usual / STANDARD_GRAVITY < high:
-        found.append(
-            FlightFinding(
-                QUESTIONABLE,
-                f"The specific force is usually {usual:.3g} m/s², and not about gravity's 9.8. Likely: "
-                "a wrong unit of height, velocity or time.",
-            )
-        )
-    return found
+        said = f"The specific force is usually {usual:.3g} m/s², and not about gravity's 9.8"
+        yield _finding(QUESTIONABLE, said, "a wrong unit of height, velocity or time")
 
 
-def _velocity_against_positions(flight: RepairedFlight) -> list[FlightFinding]:
+def _velocity_against_positions(flight: RepairedFlight) -> Iterator[FlightFinding]:
     """Compare the displacement by positions with the integral of the recorded velocity."""
     raw = flight.raw
     position, velocity = raw.position, raw.velocity_n
     if velocity is None or position is None:
-        return []
+        return
     if raw.height is None or VERTICAL_VELOCITY in raw.made:
         velocity = velocity * (1.0, 1.0, np.nan)
-    found = []
     for one in path_faults(raw.time, position, velocity):
         name = f"The {'vertical' if one.vertical else 'horizontal'} velocity"
         said = {
@@ -221,115 +216,91 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[FlightFinding]:
             UNLIKE: f"{name} is hardly correlated with the change of the positions (coherence "
             f"{one.like.coherence:.2f})",
         }.get(one.kind, f"{name} does not point where the positions move")
-        level = QUESTIONABLE if one.kind == UNLIKE else IMPLAUSIBLE
-        found.append(FlightFinding(level, f"{said}. Likely: {one.cause}."))
-    return found
+        yield _finding(QUESTIONABLE if one.kind == UNLIKE else IMPLAUSIBLE, said, one.cause)
 
 
-def _attitude_against_path(rebuilt: Reconstruction, moves: RebuiltMotion) -> list[FlightFinding]:
+def _attitude_against_path(rebuilt: Reconstruction, moves: RebuiltMotion) -> Iterator[FlightFinding]:
     """Compare heading, roll and pitch with the path and with the specific force."""
     leaning = moves.leaning
     if leaning is None:
-        return []
+        return
     if rebuilt.vehicle == "copter":
-        is_certain = leans(leaning, limits.LOG.coherent) and abs(leaning.angle) > limits.LOG.crab
-        side = f"{abs(np.degrees(leaning.angle)):.0f}° to the {'right' if leaning.angle > 0 else 'left'}"
-        said = f"The specific force points {side} of where pitch and roll lean"
-        likely = "the heading is off by that, or pitch and roll have other signs or places"
-        return [FlightFinding(IMPLAUSIBLE, f"{said}. Likely: {likely}.")] if is_certain else []
+        if leans(leaning, limits.LOG.coherent) and abs(leaning.angle) > limits.LOG.crab:
+            side = f"{abs(np.degrees(leaning.angle)):.0f}° to the {'right' if leaning.angle > 0 else 'left'}"
+            likely = "the heading is off by that, or pitch and roll have other signs or places"
+            yield _finding(
+                IMPLAUSIBLE, f"The specific force points {side} of where pitch and roll lean", likely
+            )
+        return
     velocity, euler = rebuilt.recording.velocity_n, rebuilt.recording.euler
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.LOG.course_of_flight
     if moving.sum() < limits.LOG.compared_fixes or not limits.VEHICLES[rebuilt.vehicle].shows_heading:
-        return []
+        return
     off = heading_fault(velocity[moving], euler[moving, 2])
     if off is None and rebuilt.vehicle == "aircraft":
-        return _of_wings(rebuilt, moving)
-    is_right = leans(leaning, limits.LOG.lean) and abs(leaning.angle) < limits.LOG.crab
-    if off is None or is_right:
-        return []
-    said = f"The heading is usually {np.degrees(off.angle):.0f}° from the direction of motion. Likely: "
-    level = IMPLAUSIBLE if off.cause else QUESTIONABLE
-    likely = off.cause or "another column, or a vehicle that moves sideways"
-    return [FlightFinding(level, f"{said}{likely}.")]
+        yield from _of_wings(rebuilt, moving)
+    elif off is not None and not (leans(leaning, limits.LOG.lean) and abs(leaning.angle) < limits.LOG.crab):
+        said = f"The heading is usually {np.degrees(off.angle):.0f}° from the direction of motion"
+        likely = off.cause or "another column, or a vehicle that moves sideways"
+        yield _finding(IMPLAUSIBLE if off.cause else QUESTIONABLE, said, likely)
 
 
-def _of_wings(rebuilt: Reconstruction, moving: Flags) -> list[FlightFinding]:
+def _of_wings(rebuilt: Reconstruction, moving: Flags) -> Iterator[FlightFinding]:
     """Compare roll and pitch of an aircraft with its turns and climbs."""
-    recording, found = rebuilt.recording, []
+    recording = rebuilt.recording
     velocity, euler = recording.velocity_n, recording.euler[moving]
     bank = coordinated_turn.attitude(recording.time, velocity, "aircraft")[moving, 0]
     kind, factor = bank_fault(bank, euler[:, 0], euler[:, 1])
     if kind == "exchanged":
-        found.append(FlightFinding(IMPLAUSIBLE, "Roll and pitch look exchanged."))
+        yield FlightFinding(IMPLAUSIBLE, "Roll and pitch look exchanged.")
     elif kind:
         said = f"The roll is {factor:.3g} times the value that the turns require"
-        found.append(FlightFinding(IMPLAUSIBLE, f"{said}. Likely: {cause(factor, 'angle')}."))
+        yield _finding(IMPLAUSIBLE, said, cause(factor, "angle"))
     slope = pitch_fault(velocity[moving], euler[:, 1])
     if slope != 1.0:
         said = f"The pitch changes by {slope:.3g} times the slope of the path"
-        found.append(FlightFinding(IMPLAUSIBLE, f"{said}. Likely: {cause(slope, 'angle')}."))
-    return found
+        yield _finding(IMPLAUSIBLE, said, cause(slope, "angle"))
 
 
-def _rates(agreements: tuple[Likeness, ...] | None) -> list[FlightFinding]:
-    found = []
+def _rates(agreements: tuple[Likeness, ...] | None) -> Iterator[FlightFinding]:
     low, high = limits.LOG.same_rate
     for axis, like in zip(("roll", "pitch", "yaw"), agreements or (), strict=False):
         if like.strength < limits.LOG.increment:
             continue
         if abs(like.correlation) > limits.LOG.axis_correlation and not low < like.slope < high:
-            found.append(
-                FlightFinding(
-                    QUESTIONABLE,
-                    f"The attitude turns {like.slope:.3g} times as fast as the recorded {axis} rate "
-                    f"says. Likely: {cause(1 / like.slope, 'angle')} in the rate, or the attitude's.",
-                )
-            )
+            said = f"The attitude turns {like.slope:.3g} times as fast as the recorded {axis} rate says"
+            likely = f"{cause(1 / like.slope, 'angle')} in the rate, or the attitude's"
+            yield _finding(QUESTIONABLE, said, likely)
         elif abs(like.correlation) < limits.LOG.unlike_rate:
-            found.append(
-                FlightFinding(
-                    QUESTIONABLE,
-                    f"The recorded {axis} rate is hardly correlated with the attitude (correlation "
-                    f"{like.correlation:.2f}). Likely: another axis, or wrong time stamps.",
-                )
-            )
-    return found
+            said = f"The recorded {axis} rate is hardly correlated with the attitude (correlation "
+            said += f"{like.correlation:.2f})"
+            yield _finding(QUESTIONABLE, said, "another axis, or wrong time stamps")
 
 
-def _airspeed(rebuilt: Reconstruction) -> list[FlightFinding]:
+def _airspeed(rebuilt: Reconstruction) -> Iterator[FlightFinding]:
     airspeed, recording = rebuilt.recording.airspeed, rebuilt.recording
     if airspeed is None or rebuilt.curve == "air data":
-        return []
+        return
     speed = np.linalg.norm(recording.velocity_n, axis=1)
     flying = np.maximum(speed, np.abs(airspeed)) > limits.LOG.airspeed_of_flight
     if flying.sum() < limits.LOG.compared_fixes:
-        return []
+        return
     ratio = float(np.median(airspeed[flying] / np.maximum(speed[flying], _SLOW)))
     low, high = limits.LOG.same_airspeed
-    if low < ratio < high:
-        return []
-    return [
-        FlightFinding(
-            QUESTIONABLE,
-            f"The airspeed is usually {ratio:.3g} times the speed over the Earth. Likely: "
-            f"{cause(ratio, 'speed')}, or indicated for true airspeed.",
-        )
-    ]
+    if not low < ratio < high:
+        said = f"The airspeed is usually {ratio:.3g} times the speed over the Earth"
+        yield _finding(QUESTIONABLE, said, f"{cause(ratio, 'speed')}, or indicated for true airspeed")
 
 
-def _residuals(rebuilt: Reconstruction) -> list[FlightFinding]:
+def _residuals(rebuilt: Reconstruction) -> Iterator[FlightFinding]:
     residual = rebuilt.position_residual
-    if residual is None:
-        return []
-    off = float(np.linalg.norm(residual))
+    off = 0.0 if residual is None else float(np.linalg.norm(residual))
     limit = limits.LOG.air_residual if rebuilt.curve == "air data" else limits.LOG.curve_residual
     if off < limit:
-        return []
-    level = IMPLAUSIBLE if off > limits.LOG.implausible_residual * limit else QUESTIONABLE
-    words = "velocity and position of different clocks or units; another curve may do better (setting curve)"
+        return
+    likely = "velocity and position of different clocks or units; another curve may do better (setting curve)"
     if rebuilt.curve == "position":
-        words = "noise of the positions, or fixes too seldom for the turns (setting smoothing)"
-    said = (
-        f"The curve from {rebuilt.curve} is {off:.3g} m (rms) from the recorded positions. Likely: {words}."
-    )
-    return [FlightFinding(level, said)]
+        likely = "noise of the positions, or fixes too seldom for the turns (setting smoothing)"
+    said = f"The curve from {rebuilt.curve} is {off:.3g} m (rms) from the recorded positions"
+    level = IMPLAUSIBLE if off > limits.LOG.implausible_residual * limit else QUESTIONABLE
+    yield _finding(level, said, likely)

@@ -263,10 +263,9 @@ class RawFlight:
         lost = np.any([one.rows for one in self.unmeasured], axis=0)
         dropped = tuple(Dropped(one.reason, int(one.rows.sum()), one.first_row) for one in self.unmeasured)
         if (~lost).sum() < MIN_SAMPLES:
-            why = "; ".join(f"{one.count} from row {one.first_row} on: {one.reason}" for one in dropped)
             raise MissionError(
-                f"{(~lost).sum()} of {len(lost)} positions are measured ({why}); accepted are at least "
-                f"{MIN_SAMPLES}. --set positions=all, or Positions on the page, keeps the others"
+                f"{(~lost).sum()} of {len(lost)} positions are measured ({listed(dropped)}); accepted are at "
+                f"least {MIN_SAMPLES}. --set positions=all, or Positions on the page, keeps the others"
             )
         return replace(self.rows(~lost, dropped), unmeasured=())
 

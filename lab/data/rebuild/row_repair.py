@@ -110,7 +110,7 @@ def possible(raw: RawFlight) -> RawFlight:
             continue
         slack = _LIMIT_ROUNDING * (high - low)
         inside = ((value >= low - slack) & (value <= high + slack)).reshape(len(value), -1).all(axis=1)
-        dropped += dropped_samples(raw, kept & ~inside, words)
+        dropped += _dropped(raw, kept & ~inside, words)
         kept &= inside
     if kept.sum() < max(MIN_SAMPLES, _MIN_KEPT * len(kept)):
         worst = max(dropped, key=lambda one: one.count, default=None)
@@ -151,7 +151,7 @@ def somewhere(raw: RawFlight) -> RawFlight:
     off = np.linalg.norm(places[~nowhere] - places[np.argmax(nowhere)], axis=1)
     if off.min() < _MAX_DISTANCE_FROM_ZERO:
         return raw
-    return raw.rows(~nowhere, dropped_samples(raw, nowhere, f"a position {NO_FIX}"))
+    return without(raw, nowhere, f"a position {NO_FIX}")
 
 
 def fresh(raw: RawFlight) -> RawFlight:
@@ -168,8 +168,7 @@ def fresh(raw: RawFlight) -> RawFlight:
     starts = np.flatnonzero(first)
     ends = np.append(starts[1:], len(first)) - 1
     moving = _moves(raw.time, places, starts, ends)[np.cumsum(first) - 1]
-    stale = ~first & moving
-    return raw.rows(~stale, dropped_samples(raw, stale, "the state of the row before at a later time"))
+    return without(raw, ~first & moving, "the state of the row before at a later time")
 
 
 def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Flags:
@@ -211,9 +210,7 @@ def in_order(raw: RawFlight) -> tuple[RawFlight, NDArray[np.intp]]:
 
 def distinct(raw: RawFlight) -> RawFlight:
     """Return the samples without those that repeat the one before in everything, time included."""
-    repeated = _repeated(raw)
-    words = "the values of the row before, time included"
-    return raw.rows(~repeated, dropped_samples(raw, repeated, words))
+    return without(raw, _repeated(raw), "the values of the row before, time included")
 
 
 def _repeated(raw: RawFlight, *but: str) -> Flags:
@@ -235,8 +232,7 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     across = np.linalg.norm(places[2:] - places[:-2], axis=1)
     spike = np.zeros(len(places), dtype=bool)
     spike[1:-1] = far[1:] & far[:-1] & (across < _MAX_SPIKE_RETURN * (step[1:] + step[:-1]))
-    words = "a position far from the path of its neighbours"
-    return raw.rows(~spike, dropped_samples(raw, spike, words))
+    return without(raw, spike, "a position far from the path of its neighbours")
 
 
 def with_jumps(raw: RawFlight) -> RawFlight:
@@ -293,7 +289,7 @@ def longest_stretch(
     if raw.resets:
         words = words.replace(" or a restart", ", a restart or a reset of the estimator")
     where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
-    return (raw.rows(kept, dropped_samples(raw, ~kept, words)) if where else raw), tuple(where)
+    return (without(raw, ~kept, words) if where else raw), tuple(where)
 
 
 @dataclass(frozen=True)
@@ -371,17 +367,12 @@ def place(raw: RawFlight) -> FloatArray | None:
     return None if position is None else ecef.position(position)
 
 
-def dropped_samples(raw: RawFlight, mask: Flags, words: str) -> tuple[Dropped, ...]:
-    """Return the report on samples left out: why, and when the first was by the file's own clock.
+def without(raw: RawFlight, mask: Flags, words: str) -> RawFlight:
+    """Return a flight without samples (n,), with the report on these and why they are left out."""
+    return raw.rows(~mask, _dropped(raw, mask, words))
 
-    Parameters
-    ----------
-    raw
-        The flight.
-    mask : (n,) array of bool
-        Which of its samples are left out.
-    words
-        Why.
-    """
+
+def _dropped(raw: RawFlight, mask: Flags, words: str) -> tuple[Dropped, ...]:
+    """Return the report on samples left out: why, and when the first was by the file's own clock."""
     first = f", first at {raw.time[np.argmax(mask)]:.12g} s" if mask.any() else ""
     return Dropped.of(f"{words}{first}", mask)

@@ -191,7 +191,7 @@ def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
     if time_stamps == REPAIRED and again.mean() > _MIN_REPEATED_PART and again.sum() < len(again) - 1:
         last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         return replace(raw, time=raw.time[last])
-    return raw.rows(~again, row_repair.dropped_samples(raw, again, "the time stamp of the row before"))
+    return row_repair.without(raw, again, "the time stamp of the row before")
 
 
 def _check(raw: RawFlight) -> None:
