@@ -126,11 +126,9 @@ class LiveAids:
     @property
     def remarks(self) -> dict[str, str]:
         """What becomes of the readings of each sensor; empty if nobody expects any."""
-        shift = (
-            f"; heights by pressure are shifted by {self.shift:.0f} m, to the height of the first fix"
-            if np.isfinite(self.shift)
-            else ""
-        )
+        shift = ""
+        if np.isfinite(self.shift):
+            shift = f"; heights by pressure are shifted by {self.shift:.0f} m, to the height of the first fix"
         at_start = "used at the start only; sensors.heading.fitted = true with sensors.heading.source = "
         found = {
             "barometer": self._remark("height", "Barometer", "pressure", after=shift),

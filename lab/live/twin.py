@@ -268,12 +268,11 @@ def _difference(name: str, real: float, twins: FloatArray) -> Difference:
 def _sentence(name: str, by: float, sigma: float, real: float, mean: float, t: float) -> str:
     """Return where the real stream differs; empty if the difference is too small to matter."""
     if name == CORRELATION:
-        return (
+        said = (
             f"Successive innovations of the real stream have a correlation of {real:.2f}, those of the "
             f"simulation {mean:.2f} ± {sigma:.2f} (t = {t:.1f})."
-            if abs(by) > WORTH
-            else ""
         )
+        return said if abs(by) > WORTH else ""
     factor, low, high = np.exp((by, by - 2 * sigma, by + 2 * sigma))
     if abs(factor - 1) < WORTH or (name.endswith(" line") and factor < LINE_WORTH):
         return ""

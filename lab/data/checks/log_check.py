@@ -227,11 +227,8 @@ def _check_force(log: SensorLog) -> None:
     near = min(causes, key=lambda factor: abs(np.log(max(size, 1e-12) / factor)))
     what = f"{log.name}: the IMU measures {size:.3g} times gravity (median over the log): "
     if not limits.LOG.gravity_ratio[0] < size < limits.LOG.gravity_ratio[1]:
-        likely = (
-            causes[near]
-            if limits.LOG.gravity_unit_ratio[0] < size / near < limits.LOG.gravity_unit_ratio[1]
-            else "another unit than declared is likely"
-        )
+        low, high = limits.LOG.gravity_unit_ratio
+        likely = causes[near] if low < size / near < high else "another unit than declared is likely"
         raise MissionError(
             f"{what}{likely}. The columns' names declare the unit (fx_m_s2, fx_g, dvelocity_x_m_s)"
         )
@@ -316,14 +313,10 @@ def _check_bank(log: SensorLog, motion: FixMotion) -> None:
     rows = np.isfinite(motion.turn)
     if rows.sum() < limits.LOG.legs or np.std(motion.turn[rows]) < limits.LOG.lively_turn:
         return
-    for axis, wrong_sign in ((0, 0), (1, -1)):
+    for axis in (0, 1):
         correlation, factor, _ = largest_correlation(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
-        wrong = (
-            correlation < -limits.LOG.axis_correlation
-            if wrong_sign
-            else abs(correlation) > limits.LOG.axis_correlation
-        )
-        if wrong and factor > limits.LOG.pitch_of_turn:
+        wrong = -correlation if axis else abs(correlation)
+        if wrong > limits.LOG.axis_correlation and factor > limits.LOG.pitch_of_turn:
             raise MissionError(
                 f"{log.name}: in banked turns the nose goes up about the axis called "
                 f"{('forward', 'minus right')[axis]} (correlation {abs(correlation):.2f}), not about right: "

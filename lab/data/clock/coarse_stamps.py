@@ -45,11 +45,8 @@ def distribute_stamps(time: FloatArray, key: FloatArray) -> tuple[FloatArray, st
     inside = np.flatnonzero(np.isfinite(time))
     # Rows of other sensors, and repeated ones, lie where they stand between the samples.
     result[inside] = np.interp(inside, rows, spaced)
-    how = (
-        "after it, as of a time that is truncated"
-        if truncated
-        else "before it, as of a batch stamped at its end"
-    )
+    cause = "after it, as of a time that is truncated", "before it, as of a batch stamped at its end"
+    how = cause[0] if truncated else cause[1]
     return result, (
         f"{count} samples have the time stamp of the one before and other values: the samples of a stamp "
         f"are spread evenly {how}. Their delay is uncertain by up to {usual:.2g} s"

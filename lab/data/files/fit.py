@@ -78,12 +78,9 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     kind = points.best(path)
     began = kind.from_midnight()
     directed = bool(np.isfinite(kind.heading).any())
-    down = np.array(kind.down)
-    named = (
-        {"velocity[1]": "m/s", "velocity[0]": "m/s"}
-        if np.isfinite(down).any()
-        else {"speed": "m/s", "heading": "°"}
-    )
+    down, named = np.array(kind.down), {"speed": "m/s", "heading": "°"}
+    if np.isfinite(down).any():
+        named = {"velocity[1]": "m/s", "velocity[0]": "m/s"}
     track = kind.fixes.track(
         path,
         NAME,
@@ -144,11 +141,8 @@ class _Kind:
 
 def _is_vector(value: object) -> TypeGuard[tuple[float, float, float]]:
     """Return whether a field is three numbers: of a velocity those along longitude, latitude and altitude."""
-    return (
-        isinstance(value, tuple)
-        and len(value) == len("xyz")
-        and all(isinstance(one, int | float) for one in value)
-    )
+    three = value if isinstance(value, tuple) and len(value) == len("xyz") else (None,)
+    return all(isinstance(one, int | float) for one in three)
 
 
 class Points:
@@ -188,11 +182,9 @@ class Points:
         kind = max(self.kinds, key=lambda one: (len(one.fixes.line), one.fixes.count))
         if len(kind.fixes.line):
             return kind
-        said = (
-            f"none of its {kind.fixes.count} points has a position, as of what is recorded indoors."
-            if kind.fixes.count
-            else "has no positions (messages record or gps_metadata)."
-        )
+        said = "has no positions (messages record or gps_metadata)."
+        if kind.fixes.count:
+            said = f"none of its {kind.fixes.count} points has a position, as of what is recorded indoors."
         broken = f" It is broken: {self.broken}." if self.broken else ""
         raise MissionError(f"{path}: {said}{broken} Accepted is an activity that was recorded with positions")
 
@@ -270,11 +262,8 @@ def _first(values: Mapping[str, Any], *names: str) -> float:
 
 
 def _remarks(points: Points, kind: _Kind, began: datetime | None) -> tuple[str, ...]:
-    remarks = [
-        "Time counts from when the device was switched on."
-        if began is None
-        else f"Time counts from {began:%Y-%m-%d} 00:00 UTC."
-    ]
+    start = "when the device was switched on" if began is None else f"{began:%Y-%m-%d} 00:00 UTC"
+    remarks = [f"Time counts from {start}."]
     if np.isfinite(kind.fixes.height).any():
         remarks.append(SEA_LEVEL)
     if np.isfinite(kind.speed).any() and not np.isfinite(kind.heading).any():

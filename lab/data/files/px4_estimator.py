@@ -161,11 +161,8 @@ def _topic(log: ULogFile, name: str, number: int | None = None) -> Messages | No
 
 def _lane(log: ULogFile, number: int) -> Lane | None:
     found = _innovations(log, number) or (_old_innovations(log) if number == 0 else [])
-    return (
-        Lane(f"instance {number}", tuple(found), _track(_topic(log, _GLOBAL, number), _GLOBAL))
-        if found
-        else None
-    )
+    track = _track(_topic(log, _GLOBAL, number), _GLOBAL)
+    return Lane(f"instance {number}", tuple(found), track) if found else None
 
 
 def _innovations(log: ULogFile, number: int) -> list[Innovations]:

@@ -99,11 +99,9 @@ class Stream:
     ) -> Stream | None:
         """Return fields of messages as a stream; None without messages, or if a field is missing."""
         values = columns_of(messages, *names)
-        return (
-            None
-            if messages is None or values is None
-            else cls.of(what, messages[TIME], values, valid, counter)
-        )
+        if messages is None or values is None:
+            return None
+        return cls.of(what, messages[TIME], values, valid, counter)
 
     @classmethod
     def of_place(

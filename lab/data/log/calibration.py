@@ -262,8 +262,5 @@ def _numbers(path: Path, name: str, given: Any, shape: tuple[int, ...]) -> Float
 
 
 def _is_rows(given: Any) -> bool:
-    return (
-        isinstance(given, list)
-        and len(given) == 3
-        and all(isinstance(one, list) and len(one) == 3 for one in given)
-    )
+    rows = [given, *given] if isinstance(given, list) else []
+    return len(rows) == 1 + 3 and all(isinstance(one, list) and len(one) == 3 for one in rows)

@@ -295,11 +295,9 @@ def _cut(text: str, place: int) -> tuple[str, str]:
     # "Accl:", a tabulator, "x=": the axis stands behind the name.
     if place and len(parts) > 2 and not parts[0].strip() and not parts[-1].strip() and len(names) == 1:
         return (unit, "") if (unit := _unit(names[0])) else ("", names[0])  # a cell of its own
-    last = (
-        ""
-        if not names or not parts[-1].strip()
-        else " ".join(names[-2:] if _AXIS.match(_name(names[-1])) else names[-1:])
-    )
+    last = ""
+    if names and parts[-1].strip():
+        last = " ".join(names[-2:] if _AXIS.match(_name(names[-1])) else names[-1:])
     if not place:
         return "", last or text
     if len(parts) > 1:

@@ -192,13 +192,9 @@ def _others(log: Telemetry, vehicle: Vehicle) -> tuple[Dropped, ...]:
 
 def _remarks(log: Telemetry, geoid: float | None) -> tuple[str, ...]:
     began = f"{datetime.fromtimestamp(log.started, UTC):%Y-%m-%d %H:%M} UTC"
+    above = "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver"
     remarks = [f"{streams.SWITCHED_ON} The log begins at {began}."]
-    remarks.append(
-        SEA_LEVEL
-        if geoid is None
-        else "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver "
-        f"({geoid:.1f} m)."
-    )
+    remarks.append(SEA_LEVEL if geoid is None else f"{above} ({geoid:.1f} m).")
     if log.lost:
         remarks.append(
             f"{counted(log.lost, 'byte')} of the file belong to no sound message, and are left out."

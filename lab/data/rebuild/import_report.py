@@ -263,8 +263,7 @@ def _resets(resets: Sequence[Reset]) -> str:
     more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
     return (
         "the solution jumps, as an estimator does that is reset. This is no motion, so the recording is cut "
-        "there: "
-        f"{where}{more}"
+        f"there: {where}{more}"
     )
 
 

@@ -292,17 +292,14 @@ def regular_grid(time: FloatArray, rate: float, least_rate: float) -> FloatArray
         rate_of_samples = min(_GRID_TIMES_PER_STEP / usual, _MAX_GRID_TIMES_PER_SAMPLE * len(time) / span)
         wanted = max(rate_of_samples, least_rate)
         decade = 10.0 ** np.floor(np.log10(wanted))
-        step = (
-            1 / (decade * _ROUND_RATES[_ROUND_RATES * decade >= wanted * _NEARLY][0])
-            if wanted <= _ROUND_RATES[-1] * decade
-            else 0.1 / decade
-        )
+        step = 0.1 / decade
+        if wanted <= _ROUND_RATES[-1] * decade:
+            step = 1 / (decade * _ROUND_RATES[_ROUND_RATES * decade >= wanted * _NEARLY][0])
     count = int(span / step + 1e-6)
     if count > MAX_SAMPLES:
         raise MissionError(
             f"{span:.6g} s at {1 / step:.4g} Hz are more than {MAX_SAMPLES} samples; accepted is a "
-            "lower rate "
-            "(setting rate), or a shorter flight"
+            "lower rate (setting rate), or a shorter flight"
         )
     grid = np.arange(count + 1) * step
     # Rounding must not carry the last point beyond the last sample.

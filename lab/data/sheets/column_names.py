@@ -347,13 +347,8 @@ def _sensor_of(given: set[str], joined: str) -> str:
     if given & SENSORS["gyro"] or turning or {"rotation", "rate"} <= given or joined in SENSORS["short_rate"]:
         return "rate"
     pushing = {"specific", "force"} <= given or {"g", "force"} <= given or "specificforce" in given
-    return (
-        "force"
-        if ("angular" not in given and given & SENSORS["accelerometer"])
-        or pushing
-        or joined in SENSORS["short_force"]
-        else ""
-    )
+    sensed = "angular" not in given and given & SENSORS["accelerometer"]
+    return "force" if sensed or pushing or joined in SENSORS["short_force"] else ""
 
 
 _ABOUT = {"roll": "x", "pitch": "y", "yaw": "z"}

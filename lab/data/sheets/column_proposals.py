@@ -120,12 +120,10 @@ def _units_in(sheets: Sequence[Sheet]) -> tuple[dict[str, tuple[str, str]], dict
     """Return unit and source of columns as the first rows show them, and units that they leave open."""
     found: dict[str, tuple[str, str]] = {}
     for sheet in sheets:
-        clock = clock_of(sheet, bool(sheet.all_of("rate") or sheet.all_of("force")))
+        clock = clock_of(sheet, sheet.has_imu)
         if clock is not None:
-            found[clock.column] = (
-                clock.unit,
-                "guessed by its size and steps" if clock.guessed else "as written",
-            )
+            how = "guessed by its size and steps" if clock.guessed else "as written"
+            found[clock.column] = clock.unit, how
     question: dict[str, str] = {}
     gnss = None
     used: Sequence[ColumnUnit] = ()

@@ -130,10 +130,7 @@ def _gps(path: Path, units: Mapping[str, str]) -> RawFlight:
         NAME,
         columns,
         velocity_n=columns.vector("north", "east", "down"),
-        remarks=(
-            SEA_LEVEL,
-            "The two protocols record no attitude.",
-        ),
+        remarks=(SEA_LEVEL, "The two protocols record no attitude."),
     )
 
 

@@ -53,15 +53,15 @@ class _North:
 
     Attributes
     ----------
-    track, heading : (n,) arrays or None
-        Correction to add [rad]; None if unknown.
     remark : str
         What a person should know of it.
+    track, heading : (n,) arrays or None
+        Correction to add [rad]; None if unknown.
     """
 
-    track: FloatArray | None
-    heading: FloatArray | None
     remark: str
+    track: FloatArray | None = None
+    heading: FloatArray | None = None
 
 
 def read(profile: Profile, paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -98,12 +98,8 @@ def _timed(path: Path, columns: Columns) -> tuple[Columns, FloatArray, list[str]
     place = columns.vector("latitude", "longitude")
     assert place is not None  # both are required
     fixed = (columns.values.pop("fix", np.ones_like(unknown)) != 0) & (place != 0).any(axis=1)
-    dropped = [
-        replace(one, reason=f"{NO_FIX}, or another cell empty or no number")
-        if one.reason == NO_NUMBER
-        else one
-        for one in columns.dropped
-    ]
+    reasons = {NO_NUMBER: f"{NO_FIX}, or another cell empty or no number"}
+    dropped = [replace(one, reason=reasons.get(one.reason, one.reason)) for one in columns.dropped]
     kept = fixed & np.isfinite(time)
     for lost, reason in ((~fixed, NO_FIX), (fixed & ~kept, "without a date and time that can be read")):
         dropped += Dropped.of(reason, lost, columns.lines)
@@ -125,47 +121,38 @@ def _north(columns: Columns, time: FloatArray) -> _North:
     """Return the corrections to true north, decided by the course between the positions."""
     track, speed = columns.get("course"), columns.get("speed")
     if track is None or speed is None:
-        return _North(
-            None, None, "There is no track over ground. The heading, which is magnetic, is not used."
-        )
+        return _North("There is no track over ground. The heading, which is magnetic, is not used.")
     legs = _legs(time, speed)
     if legs.sum() < _MIN_LEGS:
-        return _North(None, None, "The aircraft hardly moves. Its track and its heading are not used.")
+        return _North("The aircraft hardly moves. Its track and its heading are not used.")
     off = wrap(_course(columns)[legs] - track[legs])
     variation = columns.get("variation")
     usual = _middle(off)
     if variation is None:
         turn = np.full_like(time, usual)
-        return _North(
-            turn,
-            turn,
+        remark = (
             "The file has no magnetic variation. Its directions are turned by the angle between its track "
-            f"and the course from position to position, {np.degrees(usual):+.1f}°.",
+            f"and the course from position to position, {np.degrees(usual):+.1f}°."
         )
+        return _North(remark, turn, turn)
     # East positive, west positive, or a track from true north: whichever the positions bear out.
     signs = (1.0, -1.0, 0.0)
     residual = [abs(_middle(wrap(off - sign * variation[legs]))) for sign in signs]
     sign = signs[int(np.argmin(residual))]
     if min(residual) > _MAX_OFF_COURSE:
         return _North(
-            None,
-            None,
             f"The track is {np.degrees(usual):+.0f}° off the course from position to position, with the "
-            "magnetic variation or without. Track and heading are not used.",
+            "magnetic variation or without. Track and heading are not used."
         )
     if sign == 0 and np.median(np.abs(variation)) > _MIN_VARIATION:
-        return _North(
-            np.zeros_like(time),
-            None,
+        remark = (
             "The track is from true north, as the positions show. The reference of the heading is unknown, "
-            "so the attitude is not used.",
+            "so the attitude is not used."
         )
-    return _North(
-        sign * variation,
-        sign * variation,
-        "Track and heading are magnetic, as the positions show; the variation of "
-        f"{np.degrees(sign * np.median(variation)):+.1f}° (east positive) is added.",
-    )
+        return _North(remark, np.zeros_like(time))
+    added = f"{np.degrees(sign * np.median(variation)):+.1f}° (east positive) is added"
+    remark = f"Track and heading are magnetic, as the positions show; the variation of {added}."
+    return _North(remark, sign * variation, sign * variation)
 
 
 def _legs(time: FloatArray, speed: FloatArray) -> Flags:

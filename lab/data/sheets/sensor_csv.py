@@ -107,16 +107,9 @@ def _names_enough(text: bytes, name: str) -> bool:
     has_time = bool(names & _STAMPS)
     if any(one is not None and one.quantity == "pressure" and one.unit for one in layout.known):
         return has_time
-    return (
-        len(quantities) >= _MIN_QUANTITIES
-        and has_time
-        and (
-            set(_POSITION) <= names
-            or set(_QUATERNION) <= names
-            or has_velocity(names)
-            or bool(names & {"rate", "force", "place", "field"})
-        )
-    )
+    is_motion = set(_POSITION) <= names or set(_QUATERNION) <= names or has_velocity(names)
+    is_sensor = bool(names & {"rate", "force", "place", "field"})
+    return len(quantities) >= _MIN_QUANTITIES and has_time and (is_motion or is_sensor)
 
 
 def missing_time_reason(head: bytes) -> str:

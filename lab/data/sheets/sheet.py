@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, IntArray
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.stamps import is_date_in_digits, seconds_of_texts
 from lab.data.files.profile import Profile
@@ -106,12 +106,22 @@ class Sheet:
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0
 
+    @property
+    def has_imu(self) -> bool:
+        """Whether it has rates or forces, of which rows come fast."""
+        return any(one.quantity in ("rate", "force") for one in self.headings)
+
     def all_of(self, quantity: str) -> list[tuple[Heading, FloatArray]]:
         """Return all columns of a quantity, the best first."""
         found = [
             pair for pair in zip(self.headings, self.columns, strict=True) if pair[0].quantity == quantity
         ]
         return sorted(found, key=lambda pair: pair[0].rank)
+
+    def of_rows(self, rows: slice | IntArray, remark: str, restarts: tuple[int, ...] = ()) -> Sheet:
+        """Return the sheet with some of its rows, or in another order, and a remark on that."""
+        columns = tuple(column[rows] for column in self.columns)
+        return replace(self, columns=columns, restarts=restarts, remarks=(*self.remarks, remark))
 
 
 def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sheet | None:

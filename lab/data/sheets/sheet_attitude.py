@@ -186,7 +186,7 @@ def _candidates(sheets: Sequence[Sheet]) -> Iterator[_Columns]:
     Angles come before quaternions, which have more readings.
     """
     for sheet in sorted(sheets, key=len, reverse=True):
-        clock = clock_of(sheet, fast=bool(sheet.all_of("rate") or sheet.all_of("force")))
+        clock = clock_of(sheet, sheet.has_imu)
         if clock is None:
             continue
         found = [sheet.all_of(name)[:1] for name in ("roll", "pitch", "yaw")]

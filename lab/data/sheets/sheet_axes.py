@@ -102,13 +102,11 @@ def oriented(
         hint = _IF_REVERSED if agreeing else ""
         raise MissionError(f"{refused[0]}{hint}")
     axes, log = passed[0]
-    why = (
-        "the force at the start shows where the nose points; the roll is assumed"
-        if not level
-        else "gravity and the motion show them"
-        if len(passed) == 1
-        else "gravity shows down; the motion does not show forward, which is assumed"
-    )
+    why = "gravity shows down; the motion does not show forward, which is assumed"
+    if not level:
+        why = "the force at the start shows where the nose points; the roll is assumed"
+    elif len(passed) == 1:
+        why = "gravity and the motion show them"
     log = log if shown is None else build(_turned(samples, axes))
     log = replace(log, auxiliary=replace(log.auxiliary, forward_assumed=len(passed) > 1))
     other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))

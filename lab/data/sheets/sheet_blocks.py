@@ -189,12 +189,11 @@ def _starts(sheet: Sheet) -> list[int]:
     starts = [0]
     if not sheet.restarts:
         return starts
-    fast = bool(sheet.all_of("rate") or sheet.all_of("force"))
-    clock = clock_of(sheet, fast)
-    time = None if clock is None else clock.time
+    clock = clock_of(sheet, sheet.has_imu)
+    if clock is None:
+        return starts
+    time = clock.time
     for row in sheet.restarts:
-        if time is None:
-            break
         before, after = (part[np.isfinite(part)] for part in (time[starts[-1] : row], time[row:]))
         if before.size and after.size and after[0] < before.max():
             starts.append(row)
@@ -203,21 +202,16 @@ def _starts(sheet: Sheet) -> list[int]:
 
 def _cut(sheet: Sheet, starts: Sequence[int], which: int) -> Sheet:
     begin, end = [*starts, len(sheet)][which : which + 2]
-    return replace(
-        sheet,
-        columns=tuple(column[begin:end] for column in sheet.columns),
-        restarts=(),
-        remarks=(
-            *sheet.remarks,
-            f"{sheet.name} has {len(starts)} recordings, each under its own header, whose times begin again: "
-            f"recording {which + 1}, the longest, is read ({end - begin} of {len(sheet)} rows).",
-        ),
+    remark = (
+        f"{sheet.name} has {len(starts)} recordings, each under its own header, whose times begin again: "
+        f"recording {which + 1}, the longest, is read ({end - begin} of {len(sheet)} rows)."
     )
+    return sheet.of_rows(slice(begin, end), remark)
 
 
 def in_time_order(sheet: Sheet) -> Sheet:
     """Return a sheet with its rows in order of time: they may be reversed, shuffled or of a ring buffer."""
-    clock = clock_of(sheet, bool(sheet.all_of("rate") or sheet.all_of("force")), ordered=False)
+    clock = clock_of(sheet, sheet.has_imu, ordered=False)
     if clock is None:
         return sheet
     known = np.flatnonzero(np.isfinite(clock.time))
@@ -237,13 +231,8 @@ def in_time_order(sheet: Sheet) -> Sheet:
     if not backwards and not shuffled and not apart:
         return sheet
     what = "in reverse order" if backwards else f"out of order at {int(falls.sum())} places"
-    rows = known[order]
-    return replace(
-        sheet,
-        columns=tuple(column[rows] for column in sheet.columns),
-        restarts=(),
-        remarks=(*sheet.remarks, f"The rows of {sheet.name} were {what} and were sorted by {clock.column}."),
-    )
+    remark = f"The rows of {sheet.name} were {what} and were sorted by {clock.column}."
+    return sheet.of_rows(known[order], remark)
 
 
 _VELOCITY = ("north", "east", "down", "up", "speed", "course", "speed_sigma")
@@ -266,7 +255,7 @@ def with_velocities(sheets: Sequence[Sheet]) -> list[Sheet]:
         return list(sheets)
     (place,), (other,) = bare, others
     clock, theirs = clock_of(place, fast=False), None
-    if clock is not None and not (other.all_of("rate") or other.all_of("force")):
+    if clock is not None and not other.has_imu:
         theirs = clock_of(other, fast=False, wanted=[one.text for one in place.headings])
     if clock is None or theirs is None:
         return list(sheets)
@@ -283,9 +272,8 @@ def with_velocities(sheets: Sequence[Sheet]) -> list[Sheet]:
     headings, columns = list(place.headings), list(place.columns)
     for heading, values in zip(other.headings, other.columns, strict=True):
         if heading.quantity in _VELOCITY:
-            at = (
-                values[nearest] if heading.quantity == "course" else np.interp(clock.time, time, values[rows])
-            )
+            is_angle = heading.quantity == "course"
+            at = values[nearest] if is_angle else np.interp(clock.time, time, values[rows])
             headings.append(heading)
             columns.append(np.where(near, at, np.nan))
     if near.mean() < _COVERED:
@@ -324,10 +312,5 @@ def of_one_instance(sheet: Sheet) -> Sheet:
             f"{sheet.name}: {heading.text} is {name_of_code(taken)} in the rows that are read, and not "
             f"{', '.join(others[:_MAX_INSTANCES])}{more}."
         )
-        return replace(
-            sheet,
-            columns=tuple(column[rows] for column in sheet.columns),
-            restarts=tuple(int(row) for row in np.searchsorted(rows, sheet.restarts)),
-            remarks=(*sheet.remarks, remark),
-        )
+        return sheet.of_rows(rows, remark, tuple(np.searchsorted(rows, sheet.restarts).tolist()))
     return sheet

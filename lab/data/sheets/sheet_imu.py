@@ -340,16 +340,12 @@ def without_gravity(force: Triad) -> str:
     size = _length(force) / UNITS["acceleration"][force.unit]
     named = any(one.unit for one in force.headings)
     first = force.headings[0].text
-    hint = (
-        ""
-        if named
-        else f'. If they have gravity in them, state their unit: --unit "{first}=g", y and z alike'
-    )
+    hint = f'. If they have gravity in them, state their unit: --unit "{first}=g", y and z alike'
     return (
         f"{force.sheet.name}, columns {first} to {force.headings[2].text}: the accelerations are "
         f"{size:.3g} {force.unit} long (median), so they are without gravity; accepted is specific force "
         "with gravity, which phones call accelerometer with g or total acceleration, or the columns of "
-        f"gravity beside{hint}"
+        f"gravity beside{'' if named else hint}"
     )
 
 

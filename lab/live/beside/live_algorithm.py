@@ -168,12 +168,8 @@ def pieces_of(imu: NDArray[np.void], fixes: FixPiece, before: float, longest: fl
     time = imu["time"]
     if not time.size:
         return []
-    first = (
-        before
-        if np.isfinite(before)
-        else time[0] - (float(np.median(np.diff(time))) if time.size > 1 else 0.0)
-    )
-    dt = np.diff(time, prepend=first)
+    usual = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    dt = np.diff(time, prepend=before if np.isfinite(before) else time[0] - usual)
     cuts = np.flatnonzero(np.diff(np.floor((time - time[0]) / longest)) > 0) + 1
     edges = [0, *cuts.tolist(), time.size]
     ends = np.searchsorted(fixes.time, time[np.array(edges[1:]) - 1], side="right")
