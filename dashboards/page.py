@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from functools import partial
 
@@ -13,18 +12,17 @@ from bokeh.events import DocumentReady
 from panel_material_ui.template.base import Page as MaterialPage
 
 from dashboards.address import Address, Shown
-from dashboards.aside import BESIDE, DOCK, SHEET, Aside, lessons_button, mission_button
 from dashboards.browser import Browser
 from dashboards.browser_scripts import add_browser_scripts
+from dashboards.drawn_pages import BY_TITLE, DrawnPages
 from dashboards.exchange import Files
 from dashboards.history import State
 from dashboards.holding import Holding
 from dashboards.kept import Keeping, Kept
 from dashboards.notice import Notice
 from dashboards.openings import Openings
-from dashboards.page_tabs import FIRST, IN_TABS, PageTabs
+from dashboards.page_tabs import FIRST
 from dashboards.page_template import page_frame
-from dashboards.pages.base import Page
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.missions import Missions
 from dashboards.process_place import STREAMS, is_first
@@ -36,37 +34,27 @@ from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
 from dashboards.share import Share
 from dashboards.shortcuts import Shortcuts
-from dashboards.stage import LINKED, Stage
+from dashboards.stage import LINKED
 from dashboards.style import FRAME, plain_column
 from dashboards.teaching.bar_style import flash
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
-from dashboards.teaching.large_type import LargeType
 from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
 from dashboards.verdict_chip import VerdictChip
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
-from lab.classroom.lessons.lesson import RENAMED
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.live.owner import Visitor
 from lab.missions import Mission, missions
-from lab.run.memory import give_back
 from lab.views.figures import TimeAxis
-
-log = logging.getLogger(__name__)
 
 ZOOM_DEBOUNCE = 60
 """Quiet time after a zoom before the visible stretch is redrawn [ms]."""
 
 HALF_STEP = 1e-3
 """Least distance of the next fix from the cursor [s]."""
-
-PAGES: tuple[type[Page], ...] = (*IN_TABS, Missions, Lessons)
-"""The pages in the tabs, and those beside them."""
-
-_BY_TITLE = {page.title: page for page in PAGES}
 
 
 class SimulatorPage:
@@ -81,9 +69,7 @@ class SimulatorPage:
         self._document = document
         self._browser = Browser(document)
         self._zooming = False
-        self._dark = False
         self._epoch = 0.0
-        self._pages: dict[type[Page], Page] = {}
         self._time_bar = TimeBar(self.axis, document, self._follow, self._cut, self.session)
         self._settings: SettingsPanel | None = None
         self._files: Files | None = None
@@ -99,33 +85,34 @@ class SimulatorPage:
         self._waiting_beside = ""
         self._waiting_zoom: tuple[float, float] | None = None
         self._taken: Experiment | None = None
-        self._large_type = LargeType()
-        self._stage = Stage(self._pages)
-        self._tabs = PageTabs(self._turn)
-        self._sheet = Aside(Missions, mission_button(), SHEET, self._turn_aside)
-        self._dock = Aside(Lessons, lessons_button(), DOCK, self._turn_aside)
+        self.pages = DrawnPages(
+            self.session,
+            document,
+            self.axis,
+            self._time_bar,
+            self._turn,
+            self._turn_aside,
+            lambda: self.pages.draw in self._steps,
+        )
         self._address = Address(
             self.session,
             document,
             Shown(
-                tuple(_BY_TITLE),
+                tuple(BY_TITLE),
                 self._shown_view,
                 self._place,
                 self._restore,
                 Keeping(self._kept, self._take_back),
             ),
         )
-        self._middle = pn.Row(
-            self._stage.view, self._dock.view, sizing_mode="stretch_both", margin=0, stylesheets=[BESIDE]
-        )
         self._class = ClassBar(self._desk())
         self._main = pn.Column(
-            self._tabs.view,
+            self.pages.tabs.view,
             self._class.view,
             self._message.view,
-            self._middle,
+            self.pages.middle,
             self._time_bar.view,
-            self._sheet.view,
+            self.pages.sheet.view,
             sizing_mode="stretch_both",
             margin=0,
             stylesheets=[FRAME],
@@ -135,8 +122,8 @@ class SimulatorPage:
         self._shortcuts = Shortcuts(
             self._address.bar,
             {
-                "tab": self._tabs.turn,
-                "close": lambda _number: (self._sheet if self._sheet.is_open else self._dock).close(),
+                "tab": self.pages.tabs.turn,
+                "close": lambda _number: self.pages.close_aside(),
                 "play": lambda _number: self._time_bar.toggle(),
                 "step": self._step_to_fix,
                 **{title: partial(self._open_linked, title) for title in LINKED},
@@ -144,13 +131,13 @@ class SimulatorPage:
         )
         self._main.append(self._shortcuts.list)
         self._share = Share(
-            self.session, self._address, self._main, lambda: (self._page.seen, self.axis.window)
+            self.session, self._address, self._main, lambda: (self.pages.open_page.seen, self.axis.window)
         )
         self._listen()
 
     def _listen(self) -> None:
         """Follow the session, the tabs and the visible stretch of time."""
-        self.session.prepare = self._prepare
+        self.session.prepare = self.pages.prepare
         self.session.go = self._go_to
         self.session.remind = self._remind
         self.session.acted = self._acted
@@ -170,14 +157,14 @@ class SimulatorPage:
         are open or waiting, the page gets its frame first, then its plots and its settings part by part, so
         that no other session waits for all of it.
         """
-        self._steps += [self._show, self._add_settings, self._add_files]
+        self._steps += [self.pages.draw, self._add_settings, self._add_files]
         view = self._address.view
         self._waiting_time, self._waiting_zoom, self.session.runs = view.time or None, view.zoom, view.runs
         self.session.shows_sigmas = view.noise != VARIANCE
         if view.tab in (Missions.title, Lessons.title):
             self._waiting_beside = view.tab
         else:
-            self._open(view.tab)
+            self.pages.open(view.tab)
         self._waiting_beside = view.beside or self._waiting_beside
         if self._is_alone:
             self._steps.pop(0)()
@@ -198,8 +185,8 @@ class SimulatorPage:
         if chosen is not None:
             self._name(chosen)
         if self.session.homework is not None:
-            self._made(Lessons)  # it reminds of the homework on all pages
-            self._dock.open()
+            self.pages.made(Lessons)  # it reminds of the homework on all pages
+            self.pages.dock.open()
         has_own = self.session.homework is not None or query(self.session.experiment) != ""
         self._class.open(self._address.query, pn.state.cookies, has_own=has_own)
         if self._class.problem:
@@ -210,7 +197,7 @@ class SimulatorPage:
         return Desk(
             session=self.session,
             document=self._document,
-            page=lambda: self._tabs.kind.title,
+            page=lambda: self.pages.tabs.kind.title,
             time=lambda: self.axis.time,
             place=self._place,
             show=self._show_of_class,
@@ -224,16 +211,15 @@ class SimulatorPage:
         return self._browser.visitor(self._class.code, teaches=self._class.teaches)
 
     def _place(self) -> Place | None:
-        lessons = self._pages.get(Lessons)
-        return lessons.place if isinstance(lessons, Lessons) else None
+        return self.pages.lessons.place if self.pages.lessons is not None else None
 
     def _shown_view(self) -> View:
         """Return what the page shows of its result, or will show once it is there."""
         time = self.axis.time if self._waiting_time is None else self._waiting_time
         start, end = self.axis.window
         zoom = None if start <= 0 and end >= self.axis.duration else (start, end)
-        tab = "" if self._tabs.kind is FIRST else self._tabs.kind.title
-        is_open = [one.kind.title for one in (self._sheet, self._dock) if one.is_open]
+        tab = "" if self.pages.tabs.kind is FIRST else self.pages.tabs.kind.title
+        is_open = [one.kind.title for one in (self.pages.sheet, self.pages.dock) if one.is_open]
         beside = is_open[0] if is_open else self._waiting_beside
         noise = "" if self.session.shows_sigmas else VARIANCE
         return View(tab, time, self._waiting_zoom or zoom, self.session.runs, beside, noise)
@@ -241,25 +227,23 @@ class SimulatorPage:
     def _kept(self) -> Kept:
         """Return what the browser stores of the page besides its address."""
         kept = self._class.kept()
-        lessons = self._pages.get(Lessons)
-        return lessons.kept(kept) if isinstance(lessons, Lessons) else kept
+        return self.pages.lessons.kept(kept) if self.pages.lessons is not None else kept
 
     def _take_back(self, kept: Kept, is_same: bool) -> None:
         """Show what the browser had stored; the open step belongs to the address of then."""
         self._class.take_back(kept)
         if kept.solved or kept.typed or (kept.place and is_same):
-            lessons = self._made(Lessons)
-            assert isinstance(lessons, Lessons)
+            lessons = self.pages.made_lessons()
             lessons.take_back(kept)
             if kept.place and is_same and not self._class.follows:
                 self._take_place_back(lessons, kept)
 
     def _take_place_back(self, lessons: Lessons, kept: Kept) -> None:
-        was_open = self._dock.is_open or self._address.view.beside == Lessons.title
+        was_open = self.pages.dock.is_open or self._address.view.beside == Lessons.title
         state = self._address.state(hidden=lessons.fault_of(kept) if kept.hides else "")
         self._address.bring_back(state._replace(place=kept.place))
         if not was_open:
-            self._dock.close()
+            self.pages.dock.close()
 
     def _show_of_class(self, moment: Moment) -> None:
         """Show what another page of the class shows."""
@@ -269,30 +253,18 @@ class SimulatorPage:
 
     def _restore(self, state: State, experiment: Experiment) -> None:
         """Show a state of the history with its settings; time, visible stretch and number of runs stay."""
-        lessons = self._go_to_step(state.place)
+        lessons = self.pages.go_to_step(state.place)
         begun = lessons.hiding(state.hidden) if lessons is not None and state.hidden else None
         if begun is not None:
             experiment = with_settings_of(begun, experiment)
         tab, time = state.tab or FIRST.title, self._shown_view().time
         self._show_moment(Moment(experiment, tab, time, state.place))
 
-    def _go_to_step(self, place: Place | None) -> Lessons | None:
-        """Show a step of a lesson in the dock, or no lesson; return the lessons if they are there."""
-        if place is None and Lessons not in self._pages:
-            return None
-        lessons = self._made(Lessons)
-        assert isinstance(lessons, Lessons)
-        is_new = place is not None and place != lessons.place
-        lessons.go(place)
-        if is_new:
-            self._dock.open()
-        return lessons
-
     def _show_moment(self, moment: Moment) -> None:
         """Show what a page shows: settings, step of a lesson, tab and time."""
         experiment = moment.experiment
         with together(self._document):
-            lessons = self._go_to_step(moment.place)
+            lessons = self.pages.go_to_step(moment.place)
             hides = lessons is not None and lessons.hiding(experiment.hidden) is not None
             if experiment.hidden and not hides:  # its lesson is not there any more
                 experiment = Experiment().update(experiment.to_dict())
@@ -300,7 +272,7 @@ class SimulatorPage:
                 if not moment.has_settings_of(self.session.experiment):
                     self._accept(experiment.copy(), moment)
                 self._taken = moment.experiment
-            self._open(moment.page)
+            self.pages.open(moment.page)
             if moment.time != self._shown_view().time:
                 self._time_bar.go(moment.time)
 
@@ -315,19 +287,18 @@ class SimulatorPage:
     def _enlarge(self, on: bool) -> None:
         """Turn large type for a projector on, which also closes the settings, or off."""
         self._view.sidebar_open = not on and not self._on_phone
-        self._large_type.on = on
-        self._show_again(self._page)
+        self.pages.enlarge(on)
 
     def _frame(self) -> MaterialPage:
         return page_frame(
             header=[
-                self._sheet.button,
+                self.pages.sheet.button,
                 self._chip.view,
                 self._progress.view,
                 self._address.bar,
                 self._holding.button,
                 self._share.view,
-                self._dock.button,
+                self.pages.dock.button,
                 self._shortcuts.button,
             ],
             sidebar=self._sidebar,
@@ -339,7 +310,7 @@ class SimulatorPage:
         """Open what a link opens beside the tabs, whose parts ask the server as they appear; go on."""
         title, self._waiting_beside = self._waiting_beside, ""
         if title:
-            self._open(title)
+            self.pages.open(title)
         self._go_on()
 
     def _go_on(self) -> None:
@@ -368,9 +339,7 @@ class SimulatorPage:
         return self._openings is None or not self._openings.is_crowded(self._document)
 
     def _dress(self, *_events: param.parameterized.Event) -> None:
-        self._dark = bool(self._view.dark_theme)
-        for page in self._pages.values():
-            page.dress(self._dark)
+        self.pages.dress(bool(self._view.dark_theme))
 
     def _add_settings(self) -> None:
         self._settings = SettingsPanel(self.session, self._steps.append)
@@ -391,27 +360,7 @@ class SimulatorPage:
         self.session.close()
         if self._files is not None:
             self._files.close()
-        for page in self._pages.values():
-            page.release()
-            page.close()
-
-    @property
-    def _page(self) -> Page:
-        return self._made(self._tabs.kind)
-
-    def _made(self, kind: type[Page]) -> Page:
-        """Return a page; it is made when first needed."""
-        if kind not in self._pages:
-            page = kind(self.axis, self.session)
-            page.dress(self._dark)
-            page.draw_again = partial(self._show_again, page)
-            page.held = self._held
-            self._pages[kind] = page
-        return self._pages[kind]
-
-    def _held(self) -> list[Result]:
-        """Return the held results besides the shown one."""
-        return [one.result for one in self.session.held if one.result is not self.session.result]
+        self.pages.close()
 
     def _acted(self) -> None:
         """Note that settings or the step of a lesson were changed, by a person or for a class."""
@@ -421,101 +370,37 @@ class SimulatorPage:
 
     def _turn(self) -> None:
         """Show the page of a tab that was opened, by a person or for a class."""
-        if self._tabs.kind.title == STREAMS and not is_first():
+        if self.pages.tabs.kind.title == STREAMS and not is_first():
             self._address.moved()
             self._address.move()
             return
         with together(self._document):  # what a page sends as it appears must not overtake the page
-            self._show_if_begun()
+            self.pages.draw_if_begun()
         self._address.moved()
         self._class.acted()
 
-    def _turn_aside(self, aside: Aside) -> None:
-        """Show what was opened beside the tabs, or rest what was closed; the sheet would cover the dock."""
-        if aside is self._dock and aside.is_open:
-            self._sheet.close()
-        with together(self._document):
-            page = self._made(aside.kind)
-            if aside.is_open:
-                page.forget()
-                page.appear()
-            else:
-                page.hide()
-            if aside is self._sheet:
-                below = {"visibility": "hidden" if aside.is_open else "visible"}
-                for part in (self._tabs.view, self._middle, self._time_bar.view):
-                    part.styles = {**part.styles, **below}
-            self._show_asides()
-            self._show_reminder()
+    def _turn_aside(self) -> None:
+        self._show_reminder()
         self._address.update()
-
-    def _show_asides(self) -> None:
-        """Draw the open pages beside the tabs."""
-        for aside in (self._sheet, self._dock):
-            if aside.is_open:
-                with self._stage.failures_shown(aside.kind, aside.show):
-                    page = self._made(aside.kind)
-                    if self.session.result is not None:
-                        page.show(self.session.result)
-                    aside.show(page.view)
-                    self._large_type.dress(page.view)
-
-    def _show_if_begun(self) -> None:
-        """Draw the selected page, unless its first plots must wait for their turn."""
-        if self._show not in self._steps:
-            self._show()
 
     def _show_held(self) -> None:
         """Draw the held results on the page that is open, and on the others once they are opened."""
         with together(self._document):
             if self._holding.bar not in self._main.objects:
-                self._main.insert(self._main.objects.index(self._middle), self._holding.bar)
-            for page in self._pages.values():
-                page.forget()
-            self._show_if_begun()
-
-    def _show_again(self, page: Page) -> None:
-        page.forget()
-        self._show()
-
-    def _show(self) -> None:
-        """Draw the selected page, and lay it out afterwards, so that it arrives complete."""
-        self._show_reminder()
-        self._show_asides()
-        with self._stage.failures_shown(self._tabs.kind):
-            page, result = self._page, self.session.result
-            if self._time_bar.view.visible != page.over_time:
-                self._time_bar.stop()
-                self._time_bar.view.visible = page.over_time
-            view = self._stage.draw(page, result, self.axis.time)
-            self._large_type.dress(view)  # a browser is told of changes only on a page that it has
-            if result is None and not page.is_complete:
-                self.session.restore()
-            self._stage.appear(page)
-
-    def _prepare(self, result: Result) -> None:
-        """Let a page prepare a result; an error is shown when the page is drawn."""
-        page = self._pages.get(self._tabs.kind)
-        try:
-            if page is not None and not page.missing_reason(result):
-                page.prepare(result)
-            if result.is_long:
-                give_back()
-        except Exception:
-            log.exception("the page %s could not be prepared", self._tabs.kind.title)
+                self._main.insert(self._main.objects.index(self.pages.middle), self._holding.bar)
+            self.pages.draw_all_again()
 
     def _name(self, mission: Mission) -> None:
         """Write the title of a mission on the button that opens the missions."""
-        self._sheet.button.label = mission.title or mission.name
+        self.pages.sheet.button.label = mission.title or mission.name
 
     def _new_result(self, event: param.parameterized.Event) -> None:
         result: Result | None = event.new
         if result is None:
-            for page in self._pages.values():
-                page.release()
+            self.pages.release()
             return
         self._epoch = result.epoch
-        self._tabs.dim(result)
+        self.pages.tabs.dim(result)
         self._name(result.mission)
         self.axis.span(float(result.time[-1]))
         outages = result.experiment.sensors.gps.outages
@@ -527,7 +412,7 @@ class SimulatorPage:
         if self._waiting_time is not None:
             self._time_bar.go(self._waiting_time)
             self._waiting_time = None
-        self._show_if_begun()
+        self.pages.draw_if_begun()
 
     def _cut(self, start: float, end: float) -> None:
         """Add a GPS outage at times of the plots."""
@@ -535,7 +420,7 @@ class SimulatorPage:
 
     def _go_to(self, title: str | None, time: float | None) -> None:
         """Open a page, and move the cursor to a time; see `Session`."""
-        self._open(self._tabs.kind.title if title is None else title)
+        self.pages.open(self.pages.tabs.kind.title if title is None else title)
         if time is not None:
             self._time_bar.go(time - self._epoch)
 
@@ -549,21 +434,9 @@ class SimulatorPage:
         if 0 <= index < len(times):
             self._time_bar.go(float(times[index]))
 
-    def _open(self, title: str) -> None:
-        """Open a page by its title; without one, that with which a page opens."""
-        kind = _BY_TITLE[RENAMED.get(title, title)] if title else FIRST
-        if kind is Lessons:
-            self._dock.open()
-            return
-        if kind is Missions:
-            self._sheet.open()
-            return
-        self._sheet.close()
-        self._tabs.open(kind)
-
     def _open_linked(self, title: str, _number: int) -> None:
         """Open a page by a link in a sentence."""
-        self._open(title)
+        self.pages.open(title)
 
     def _remind(self, sentence: str) -> None:
         """Show a sentence above all pages but the lessons, until it is empty."""
@@ -571,7 +444,7 @@ class SimulatorPage:
         self._show_reminder()
 
     def _show_reminder(self) -> None:
-        words = "" if self._dock.is_open else self._reminded
+        words = "" if self.pages.dock.is_open else self._reminded
         if self._reminder is None:
             if not words:
                 return
@@ -583,10 +456,7 @@ class SimulatorPage:
     def _follow(self, time: float) -> None:
         if not self._time_bar.plays:
             self._address.update()
-        page = self._pages.get(self._tabs.kind)
-        if page is not None and self._stage.shows(page):
-            with self._stage.failures_shown(self._tabs.kind):
-                page.show_time(time)
+        self.pages.draw_time(time)
 
     def _new_problem(self, event: param.parameterized.Event) -> None:
         self._message.say(as_seen(event.new))
@@ -600,7 +470,7 @@ class SimulatorPage:
     def _draw_window(self) -> None:
         self._zooming = False
         with together(self._document):
-            self._show_if_begun()
+            self.pages.draw_if_begun()
 
 
 def _close(page: SimulatorPage, _context: object) -> None:

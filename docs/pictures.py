@@ -24,7 +24,7 @@ from urllib.parse import urlencode
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from dashboards.page import PAGES
+from dashboards.drawn_pages import PAGES
 from dashboards.query import BESIDE
 from dashboards.verdict_chip import JUDGING
 

@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 from flights import circle
 
-from dashboards.page import PAGES
+from dashboards.drawn_pages import PAGES
 from dashboards.query import experiment_of_query, view_of_query
 from lab import Experiment, mission
 from lab.classroom.homework.grading import GRADED, files_of, grade

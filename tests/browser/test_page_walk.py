@@ -7,7 +7,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from dashboards.page import PAGES
+from dashboards.drawn_pages import PAGES
 from lab.views.time_plot import THIN
 from tests.browser.conftest import DATA, IDLE, show, wait_for
 

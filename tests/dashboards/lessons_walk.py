@@ -12,7 +12,7 @@ from dashboards.pages.lessons.lessons import Lessons
 
 def page(walk: Walk) -> Lessons:
     """Return the page Lessons, which is open."""
-    found = walk.page._pages[Lessons]
+    found = walk.page.pages._pages[Lessons]
     assert isinstance(found, Lessons)
     return found
 

@@ -48,7 +48,7 @@ class Room:
         walk = self._stack.enter_context(walking(patch))
         walk.page.session._browser_ready = True
         with set_curdoc(walk._document):
-            walk.page._show()
+            walk.page.pages.draw()
             walk.page._class.open(query, cookies or {}, has_own=has_own)
         return walk
 
@@ -115,7 +115,7 @@ def words(walk: Walk) -> str:
 
 def lessons(walk: Walk) -> Lessons:
     """Return the page Lessons."""
-    found = walk.page._made(Lessons)
+    found = walk.page.pages.made(Lessons)
     assert isinstance(found, Lessons)
     return found
 
@@ -258,7 +258,7 @@ def test_nothing_a_student_does_reaches_the_teacher(room: Room) -> None:
     page, shown = student.page, room.school_class.moment
     for act in (
         lambda: page.session.change("seed", 5),
-        lambda: page._open("Flight"),
+        lambda: page.pages.open("Flight"),
         lambda: page.session.accept(Experiment().update(FLIGHT)),
         lambda: lessons(student)._open(("shipped", "04-tuning-r")),
     ):
@@ -460,14 +460,12 @@ def test_large_type_makes_letters_larger_and_small_again(room: Room) -> None:
     walk = room.teacher
     (first, *_) = walk.figures()
     before = (first.xaxis[0].major_label_text_font_size, first.title.text_font_size)
-    walk.page._large_type.on = True
-    walk.page._show_again(walk.page._page)
+    walk.page.pages.enlarge(True)
     large = (first.xaxis[0].major_label_text_font_size, first.title.text_font_size)
     assert [float(size[:-2]) for size in large] == [1.5 * float(size[:-2]) for size in before]
     first.title.text_font_size = "1.05em"  # as a browser does when the theme changes
     assert first.title.text_font_size == large[1]
-    walk.page._large_type.on = False
-    walk.page._show_again(walk.page._page)
+    walk.page.pages.enlarge(False)
     assert (first.xaxis[0].major_label_text_font_size, first.title.text_font_size) == before
 
 

@@ -39,8 +39,8 @@ async def open_and_leave(address, count):
         shown = list(pages)
         kind = TABS[tab][0]
         for page in shown:
-            page._document.add_next_tick_callback(partial(page._tabs.open, kind))
-        while any(page._stage._visible is not page._pages.get(kind) for page in shown):
+            page._document.add_next_tick_callback(partial(page.pages.tabs.open, kind))
+        while any(page.pages._stage._visible is not page.pages._pages.get(kind) for page in shown):
             await asyncio.sleep(0.05)
         del page, shown
         visitors.append(Visitor(address))

@@ -11,8 +11,9 @@ import pytest
 from panel.io.state import set_curdoc
 from walking import Walk, walking
 
+from dashboards.drawn_pages import PAGES
 from dashboards.history import MOST, QUIET, History, State, change_in_words
-from dashboards.page import PAGES, SimulatorPage
+from dashboards.page import SimulatorPage
 from dashboards.query import View, query, query_of_view, view_of_query
 from dashboards.session import Glide
 from dashboards.settings_panel import RESETS, SettingsPanel
@@ -146,8 +147,8 @@ def test_a_reload_shows_tab_time_zoom_and_runs(monkeypatch: pytest.MonkeyPatch) 
         shown = page._shown_view()
         assert shown == View("Verdict", 12.5, (10.0, 60.0), 10)
         assert walk.sent()["search"] == page._address.search  # not lost while the result is computed
-        assert page._sheet.button.label == "Los Angeles"
-        assert {kind.title for kind in page._pages} == {"Verdict"}  # others would take time
+        assert page.pages.sheet.button.label == "Los Angeles"
+        assert {kind.title for kind in page.pages._pages} == {"Verdict"}  # others would take time
         page.session._browser_ready = True
         walk.run(Experiment(mission="los_angeles"))
         assert page._shown_view() == shown

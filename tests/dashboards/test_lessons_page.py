@@ -115,10 +115,10 @@ def test_look_opens_the_page_beside_the_lesson_and_a_closed_dock_leaves_a_remind
     click(walk, "Of <b>mine</b>")
     click(walk, "Look at Flight at 40 s")
     assert walk.title == "Lessons"
-    assert walk.page._tabs.kind.title == "Flight"
+    assert walk.page.pages.tabs.kind.title == "Flight"
     assert walk.page.axis.time == 40.0
     assert walk.page._reminder is None
-    walk.page._dock.close()
+    walk.page.pages.dock.close()
     assert walk.page._reminder is not None
     assert "Of <b>mine</b>, step 1 of 2: One." in walk.page._reminder.text
     walk.open("Lessons")

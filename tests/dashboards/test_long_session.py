@@ -30,7 +30,7 @@ def long(monkeypatch: pytest.MonkeyPatch) -> Iterator[Walk]:
         walk.page.session.experiment.set("trajectory.imu_rate", 50)
         with set_curdoc(walk._document):
             walk.page.session._open()
-            walk.page._show()
+            walk.page.pages.draw()
         change(walk, "mission", "los_angeles")
         yield walk
     stages.CACHE.clear()

@@ -73,12 +73,12 @@ def test_a_result_and_a_zoom_do_not_draw_before_the_plots_have_their_turn() -> N
     document = Document()
     with set_curdoc(document):
         page = SimulatorPage()
-    page._steps = [page._show]
+    page._steps = [page.pages.draw]
     page.axis.range.end = 5.0
     page._draw_window()
-    assert page._stage.view.objects == []
+    assert page.pages._stage.view.objects == []
     page._take_step()
-    assert page._stage.view.objects != []
+    assert page.pages._stage.view.objects != []
     page.close()
 
 
@@ -94,7 +94,7 @@ def test_a_page_alone_has_its_plots_first_and_all_settings_in_one_step(
         monkeypatch.setattr(page._openings, "is_crowded", lambda _document: crowded)
         monkeypatch.setattr(page._openings, "later", lambda _document, step: asked.append(step))
         page.servable()
-        plots = page._stage.view.objects
+        plots = page.pages._stage.view.objects
         assert (plots == []) == crowded
         assert page._sidebar.objects == []
         page._is_ready()
@@ -105,7 +105,7 @@ def test_a_page_alone_has_its_plots_first_and_all_settings_in_one_step(
     assert page._settings is not None
     assert page._files is not None
     assert page._files.view in page._sidebar.objects
-    assert page._stage.view.objects != []
+    assert page.pages._stage.view.objects != []
     assert steps > 3 if crowded else steps == 1
     page.close()
 

@@ -233,7 +233,7 @@ def test_what_has_nothing_to_show_of_a_log_is_dimmed_and_says_what_to_see(
     request.addfinalizer(lambda: rmtree(folder))
     (folder / "ref.csv").unlink()
     begin(walk, flight())
-    tabs = walk.page._tabs
+    tabs = walk.page.pages.tabs
     assert tabs._marks is None
     begin(walk, Experiment(mission="blind"))
     assert tabs._marks is not None
@@ -242,7 +242,7 @@ def test_what_has_nothing_to_show_of_a_log_is_dimmed_and_says_what_to_see(
     walk.open("Errors")
     assert set(tabs._marks.reasons["button"]) == {"Errors"}, "σ is known without a reference"
     assert "no reference" in walk.reason
-    (words,) = walk.page._stage._reason.view.select(pn.pane.HTML)
+    (words,) = walk.page.pages._stage._reason.view.select(pn.pane.HTML)
     assert re.findall(r'<a href="#\w+" data-page="(\w+)">\1</a>', words.object) == ["Innovations", "Verdict"]
     with set_curdoc(walk._document):
         walk.page._address.bar.asked = [[1, "Verdict", 0]]

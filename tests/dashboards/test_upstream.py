@@ -45,7 +45,7 @@ from dashboards.page import SimulatorPage
 document = Document()
 with set_curdoc(document):
     page = SimulatorPage()
-    page._show(), page._add_settings(), page._add_files()
+    page.pages.draw(), page._add_settings(), page._add_files()
     document.add_root(page._frame().get_root(document))
 print(serialize_json(document.to_json(deferred=False)))
 """

@@ -12,8 +12,8 @@ from sensor_logs import tables, write
 from walking import TITLES, Walk, walking
 
 from dashboards.computing import Outcome
+from dashboards.drawn_pages import PAGES
 from dashboards.ensembles import ensemble
-from dashboards.page import PAGES
 from dashboards.pages.base import Page
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.flight import FlightPlots

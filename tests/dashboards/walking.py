@@ -22,7 +22,8 @@ from tornado.web import Application
 from dashboards import viser_proxy
 from dashboards.aside import Aside
 from dashboards.computing import Outcome, run
-from dashboards.page import PAGES, SimulatorPage
+from dashboards.drawn_pages import PAGES
+from dashboards.page import SimulatorPage
 from dashboards.pages.base import Page
 from dashboards.pages.computed import ComputedPage
 from dashboards.upload import Upload
@@ -61,7 +62,7 @@ class Walk:
 
     def run(self, experiment: Experiment) -> Outcome:
         """Run an experiment as the session does, and show its result."""
-        outcome = run(experiment, None, self.page._prepare)
+        outcome = run(experiment, None, self.page.pages.prepare)
         if outcome.result is not None:
             self.show(outcome.result)
         return outcome
@@ -75,10 +76,10 @@ class Walk:
     def open(self, title: str) -> None:
         """Open a page, in a tab or beside the tabs, and wait until it shows what it has to show."""
         with set_curdoc(self._document):
-            self.page._dock.close()
-            self.page._open(title)
+            self.page.pages.dock.close()
+            self.page.pages.open(title)
             if not self._stage.objects:  # the page that opens first, which a server shows
-                self.page._show()
+                self.page.pages.draw()
         self.settle()
 
     def ask(self, what: str, position: int = 0) -> dict[str, Any]:
@@ -128,25 +129,25 @@ class Walk:
     @property
     def _aside(self) -> Aside | None:
         """The page beside the tabs that is open."""
-        return next((one for one in (self.page._sheet, self.page._dock) if one.is_open), None)
+        return next((one for one in (self.page.pages.sheet, self.page.pages.dock) if one.is_open), None)
 
     @property
     def _kind(self) -> type[Page]:
-        return self.page._tabs.kind if self._aside is None else self._aside.kind
+        return self.page.pages.tabs.kind if self._aside is None else self._aside.kind
 
     @property
     def _stage(self) -> pn.Column:
-        return self.page._stage.view if self._aside is None else self._aside._place
+        return self.page.pages._stage.view if self._aside is None else self._aside._place
 
     @property
     def shown(self) -> Page:
         """The page that is open."""
-        return self.page._made(self._kind)
+        return self.page.pages.made(self._kind)
 
     @property
     def reason(self) -> str:
         """Why the page has nothing to show; empty if it has."""
-        return str(self.page._stage._reason.text) if self._aside is None else ""
+        return str(self.page.pages._stage._reason.text) if self._aside is None else ""
 
     def text(self) -> str:
         """Return all that is written on the page, without markup."""
@@ -162,9 +163,9 @@ class Walk:
         """Return what is wrong with the page that is open: nothing, if all is well."""
         found = []
         (view,) = self._stage.objects
-        if view is getattr(self.page._stage._failures.get(self._kind), "view", None):
+        if view is getattr(self.page.pages._stage._failures.get(self._kind), "view", None):
             return [self.text()]
-        if view is not (self.page._stage._reason.view if self.reason else self.shown.view):
+        if view is not (self.page.pages._stage._reason.view if self.reason else self.shown.view):
             found.append("shows what is not this page")
         if self.reason and not re.search(r"[a-z]{3}.*\.$", self.reason):
             found.append(f"gives no reason: {self.reason!r}")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dashboards.page import PAGES as TABS
+from dashboards.drawn_pages import PAGES as TABS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.classroom.lessons import lesson_file
 from lab.classroom.lessons.catalogue import Catalogue
