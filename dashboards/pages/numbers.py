@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -136,7 +137,12 @@ class Numbers(OwnPage):
     def _numbers(self, still: str, drive: str, progress: Progress) -> ImuNumbers:
         """Return the numbers; called in a thread. A browser may send names that it was not offered."""
         try:
-            return numbers(self._static(still), self._moving(drive), progress)
+            found = numbers(self._static(still), self._moving(drive), progress)
+            rows = [
+                replace(row, basis=self._seen(row.basis), cause=self._seen(row.cause)) for row in found.rows
+            ]
+            remarks = tuple(self._seen(remark) for remark in found.remarks)
+            return replace(found, static=self._seen(found.static), rows=tuple(rows), remarks=remarks)
         except (MissionError, ValueError) as error:
             raise MissionError(self._seen(str(error))) from error
 
@@ -170,14 +176,14 @@ class Numbers(OwnPage):
 
     def _show(self, found: ImuNumbers) -> None:
         self._found = found
-        self.words.object = self._seen(numbers_html(found))
+        self.words.object = numbers_html(found)
         self._show_lines()
 
     def _show_lines(self) -> None:
         program = self._program.value
         if self._found is None or program not in PROGRAMS:
             return
-        self._lines = self._seen(lines(self._found, program))
+        self._lines = lines(self._found, program)
         self._download.param.update(filename=f"{program}_noise.txt", visible=True)
         self._program.visible = self.pasted.visible = True
         self.pasted.object = f"<pre>{escape(self._lines)}</pre>"

@@ -12,11 +12,16 @@ Kalibr: wiki page *IMU Noise Model*. PX4: ``src/modules/ekf2/module.yaml``, ``pa
 ``AP_NavEKF3_core.h`` (`EKF_TARGET_DT`), ``AP_Scheduler.cpp`` (`SCHED_LOOP_RATE`). robot_localization:
 ``src/ekf.cpp`` adds Δt Q. KF-GINS: ``dataset/kf-gins.yaml``, ``src/kf-gins/gi_engine.cpp`` (2 σ²/T). MATLAB:
 reference pages `gyroparams`, `accelparams` and `insfilterAsync`.
+
+Comments stand on lines of their own: Mission Planner (``ExtLibs/Utilities/ParamFile.cs``) silently skips a
+line with more than a name and a value. ROS 2 (``rcl_yaml_param_parser``) refuses an array with an integer
+among real numbers.
 """
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -33,6 +38,8 @@ CORRELATION = 1.0
 walk there."""
 MILLIGAL = 1e-5
 """[m/s²]."""
+WIDTH = 100
+"""Longest line of a comment: the console of PX4 cuts lines at 128 characters, and runs the rest."""
 
 
 class Limits(NamedTuple):
@@ -100,7 +107,7 @@ class Program(NamedTuple):
     link : str
         Where the parameters are documented.
     line : str
-        Form of a line, with the fields ``name``, ``value`` and ``note``.
+        Form of a line, with the fields ``name`` and ``value``.
     comment : str
         Begin of a comment.
     parameters : tuple of Parameter
@@ -147,7 +154,7 @@ PROGRAMS = {
     "kalibr": Program(
         "Kalibr, imu.yaml (master, 2023 and later)",
         "https://github.com/ethz-asl/kalibr/wiki/IMU-Noise-Model",
-        "{name}: {value}  # {note}",
+        "{name}: {value}",
         "#",
         _four(
             (
@@ -164,13 +171,13 @@ PROGRAMS = {
             ),
             (_same,) * 4,
         ),
-        after=("update_rate: {rate:.6g}  # Hz",),
+        after=("# Hz", "update_rate: {rate:.6g}"),
         notes=("rostopic is yours.",),
     ),
     "px4": Program(
         "PX4 v1.14 to v1.16, EKF2 parameters",
         "https://docs.px4.io/main/en/advanced_config/parameter_reference.html",
-        "param set {name} {value}  # {note}",
+        "param set {name} {value}",
         "#",
         _four(
             ("EKF2_GYR_NOISE", "EKF2_ACC_NOISE", "EKF2_GYR_B_NOISE", "EKF2_ACC_B_NOISE"),
@@ -183,12 +190,16 @@ PROGRAMS = {
             (_per(STEP_PX4),) * 4,
             (Limits(0.0001, 0.1), Limits(0.01, 1.0), Limits(0.0, 0.01), Limits(0.0, 0.01)),
         ),
-        notes=("They hold for EKF2_PREDICT_US 10000; with another step, multiply by sqrt(10000/step).",),
+        notes=(
+            "They hold for EKF2_PREDICT_US 10000; with another step, multiply by sqrt(10000/step).",
+            "In newer versions, the variance of a bias only grows while its sigma is below EKF2_GYR_NOISE or "
+            "EKF2_ACC_NOISE.",
+        ),
     ),
     "ardupilot": Program(
         "ArduPilot 4.1 to 4.6, EKF3 parameters",
         "https://ardupilot.org/copter/docs/parameters.html#ek3-gyro-p-nse",
-        "{name},{value}  # {note}",
+        "{name},{value}",
         "#",
         _four(
             ("EK3_GYRO_P_NSE", "EK3_ACC_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ABIAS_P_NSE"),
@@ -209,7 +220,7 @@ PROGRAMS = {
     "kf-gins": Program(
         "KF-GINS 1.0, kf-gins.yaml",
         "https://github.com/i2Nav-WHU/KF-GINS/blob/main/dataset/kf-gins.yaml",
-        "  {name}: [{value}, {value}, {value}]  # {note}",
+        "  {name}: [{value}, {value}, {value}]",
         "#",
         _four(
             ("arw", "vrw", "gbstd", "abstd"),
@@ -222,16 +233,18 @@ PROGRAMS = {
             ),
         ),
         before=("imunoise:",),
-        after=(f"  corrtime: {CORRELATION}  # hr: drive of a bias 2 std^2/corrtime",),
+        after=("# hr; the drive of a bias is 2 std^2/corrtime", f"  corrtime: {CORRELATION}"),
         notes=(
-            "gsstd, asstd and initbgstd, initbastd are not known from noise: without the latter two, the "
-            "program starts with gbstd and abstd as the sigma of the turn-on bias.",
+            "Keep your lines gsstd and asstd in this section: without them the program ends. corrtime is "
+            "theirs, too: from 4 to 1 hr, their drive is four times as large; halve them to keep it.",
+            "initbgstd and initbastd are not known from noise: without them, the program starts with gbstd "
+            "and abstd as the sigma of the turn-on bias.",
         ),
     ),
     "matlab": Program(
         "MATLAB R2022b and later, Navigation Toolbox",
         "https://www.mathworks.com/help/nav/ref/insfilterasync.html",
-        "{name} = {value};  % {note}",
+        "{name} = {value};",
         "%",
         (
             Parameter("gyro.NoiseDensity", "gyro", TERMS[0], "(rad/s)/sqrt(Hz)", _same),
@@ -260,7 +273,7 @@ PROGRAMS = {
     "robot_localization": Program(
         "robot_localization 3 (ROS 2), ekf.yaml and sensor_msgs/Imu",
         "https://docs.ros.org/en/rolling/p/robot_localization/configuring_robot_localization.html",
-        "# {name}: {value}  # {note}",
+        "# {name}: {value}",
         "#",
         (
             Parameter(
@@ -307,24 +320,39 @@ def lines(numbers: ImuNumbers, program: str) -> str:
     known = PROGRAMS[program]
     begin = known.comment
     source = " and ".join(one for one in (numbers.static, numbers.moving) if one)
-    out = [f"{begin} {known.title}; {known.link}", f"{begin} From {source}."]
+    out = [*_comment(begin, f"{known.title}; {known.link}"), *_comment(begin, f"From {source}.")]
     if not numbers.moving:
-        out.append(
-            f"{begin} Without a drive, what the filter needs in the vehicle is not known: these are the "
-            "sensor's own numbers."
+        out += _comment(
+            begin,
+            "Without a drive, what the filter needs in the vehicle is not known: these are the sensor's own "
+            "numbers.",
         )
     out += known.before
     for parameter in known.parameters:
-        out.append(_line(numbers, known, parameter))
+        out += _lines_of(numbers, known, parameter)
     out += [line.format(rate=numbers.rate) for line in known.after]
     if program == "robot_localization":
         out += _motion_lines(numbers)
-    out += [f"{begin} {note}" for note in known.notes]
+    for note in known.notes:
+        out += _comment(begin, note)
     return "\n".join(out)
 
 
-def _line(numbers: ImuNumbers, known: Program, parameter: Parameter) -> str:
-    """Return the line of a parameter, or a comment on why there is none."""
+def _comment(begin: str, words: str) -> list[str]:
+    """Return a comment as lines that every program reads whole."""
+    begin += " "
+    return textwrap.wrap(
+        words,
+        WIDTH,
+        initial_indent=begin,
+        subsequent_indent=begin,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
+
+
+def _lines_of(numbers: ImuNumbers, known: Program, parameter: Parameter) -> list[str]:
+    """Return a comment and the line of a parameter, or a comment on why there is none."""
     rows = [row for row in numbers.rows if (row.triad, row.term) == (parameter.triad, parameter.term)]
     if not rows or not rows[0].used > 0:
         known_end = rows[0].at_rest if rows else None
@@ -332,31 +360,33 @@ def _line(numbers: ImuNumbers, known: Program, parameter: Parameter) -> str:
         if known_end is not None:
             row = replace(rows[0], used=known_end.high)
             most = f", at most {parameter.value(row, numbers.rate):.3g} {parameter.unit}"
-        return f"{known.comment} {parameter.name}: not known from these logs{most}; keep the default"
+        why = f"{parameter.name}: not known from these logs{most}; keep the default"
+        return _comment(known.comment, why)
     value = parameter.value(rows[0], numbers.rate)
     if not parameter.limits.accepts(value):
-        return (
-            f"{known.comment} {parameter.name} would be {value:.4g} {parameter.unit}: refused; the program "
-            f"accepts {parameter.limits.words}"
+        why = (
+            f"{parameter.name} would be {value:.4g} {parameter.unit}: refused; the program accepts "
+            f"{parameter.limits.words}"
         )
-    return known.line.format(
-        name=parameter.name, value=_number(value), note=f"{parameter.unit}; {rows[0].basis}"
-    )
+        return _comment(known.comment, why)
+    line = known.line.format(name=parameter.name, value=_number(value))
+    return [*_comment(known.comment, f"{parameter.unit}; {rows[0].basis}"), line]
 
 
 def _number(value: float) -> str:
-    """Return a number with a point, without which YAML 1.1 takes one with an exponent for text."""
+    """Return a number with a point, without which YAML takes it for an integer or for text."""
     mantissa, mark, exponent = f"{value:.4g}".partition("e")
-    return mantissa + ("" if "." in mantissa or not mark else ".0") + mark + exponent
+    return mantissa + ("" if "." in mantissa else ".0") + mark + exponent
 
 
 def _motion_lines(numbers: ImuNumbers) -> list[str]:
     """Return the process noise of robot_localization, which is that of the vehicle's motion."""
     if not numbers.moving:
-        return [
-            "# process_noise_covariance: not known without a drive, since it is how the vehicle moves, not "
-            "how the IMU measures"
-        ]
+        return _comment(
+            "#",
+            "process_noise_covariance: not known without a drive, since it is how the vehicle moves, not how "
+            "the IMU measures",
+        )
     diagonal = list(_DEFAULT_Q)
     for place, intensity in zip(_WALKS, numbers.motion, strict=True):
         if intensity > 0:
@@ -365,8 +395,11 @@ def _motion_lines(numbers: ImuNumbers) -> list[str]:
         ", ".join(_number(diagonal[row]) if row == column else "0.0" for column in range(len(diagonal)))
         for row in range(len(diagonal))
     ]
+    about = (
+        "For ros__parameters of your filter's node. vroll to vyaw and ax to az: random walk of this drive's "
+        "rates and accelerations, (rad/s)^2/s and (m/s^2)^2/s; the others are those of the program's example."
+    )
     return [
-        "# vroll to vyaw and ax to az: random walk of this drive's rates and accelerations, (rad/s)^2/s and "
-        "(m/s^2)^2/s; the others are those of the program's example.",
+        *_comment("#", about),
         "process_noise_covariance: [" + ",\n                           ".join(rows) + "]",
     ]

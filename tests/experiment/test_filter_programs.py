@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from pymavlink.mavparm import MAVParmDict
 
 from lab.base.parameters.units import TO_SI
 from lab.experiment.filter_programs import PROGRAMS, lines
@@ -35,7 +37,12 @@ def numbers(
                 ("gyro", "accelerometer")[triad], TERMS[term], unit, known, None, used, 0.0, "", "a test"
             )
         )
-    return ImuNumbers("still.csv", moving, RATE, tuple(rows), (0.5, 2.0), None, ())
+    return ImuNumbers("still.csv", moving, RATE, tuple(rows), (0.5, 12.0), None, ())
+
+
+def words_of(text: str) -> str:
+    """Return the text of comments, which are wrapped, in one line."""
+    return re.sub(r"\n[#%] ", " ", text)
 
 
 def values_of(text: str, pattern: str) -> dict[str, float]:
@@ -47,8 +54,28 @@ def test_each_says_its_version_its_source_and_where_the_numbers_are_from(program
     text = lines(numbers(), program)
     assert PROGRAMS[program].title in text
     assert PROGRAMS[program].link in text
-    assert "still.csv and drive" in text
-    assert "a test" in text
+    assert "still.csv and drive" in words_of(text)
+    assert "a test" in words_of(text)
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_a_value_stands_alone_on_its_line_and_comments_are_short(program: str) -> None:
+    """Mission Planner skips lines with more than two words; the console of PX4 runs what is beyond 128."""
+    sign = PROGRAMS[program].comment
+    for line in lines(numbers(moving="a drive with a name of many words " * 8), program).splitlines():
+        assert len(line) < 128
+        assert line.startswith(sign) or sign not in line
+
+
+def test_ground_stations_of_ardupilot_read_all_parameters(tmp_path: Path) -> None:
+    """Two words on a line, as Mission Planner wants them; pymavlink reads the same."""
+    text = lines(numbers((GYRO_N, 0.02, GYRO_K, FORCE_K)), "ardupilot")
+    kept = [re.split(r"[ ,\t]+", line) for line in text.splitlines() if not line.startswith("#")]
+    assert [len(words) for words in kept] == [2, 2, 2, 2]
+    (tmp_path / "noise.param").write_text(text, "utf-8")
+    read = MAVParmDict()
+    assert read.load(str(tmp_path / "noise.param"))
+    assert dict(read) == {name: float(value) for name, value in kept}
 
 
 def test_kalibr_reads_its_own_units() -> None:
@@ -79,7 +106,7 @@ def test_the_autopilots_grow_their_variances_as_the_sensor_does(
 def test_a_comment_has_the_factor_for_ardupilots_slower_loops() -> None:
     """EKF3 steps no faster than the loop: 50 Hz in Plane and Rover, where its noise must grow as fast."""
     text = lines(numbers((GYRO_N, 0.02, GYRO_K, FORCE_K)), "ardupilot")
-    found = re.search(r"at 50, the default of Plane and Rover, multiply by ([\d.]+)", text)
+    found = re.search(r"at 50, the default of Plane and Rover, multiply by ([\d.]+)", words_of(text))
     assert found is not None
     given = list(values_of(text, r"^(EK3\w+),(\S+)").values())
     grown = [50 * (0.02 * float(found[1]) * one) ** 2 for one in given]
@@ -90,7 +117,7 @@ def test_values_outside_the_limits_are_refused_and_not_clipped() -> None:
     text = lines(numbers((1e-6, 5.0, GYRO_K, FORCE_K)), "px4")
     assert "param set EKF2_GYR_NOISE" not in text
     assert "EKF2_GYR_NOISE would be 1e-05 rad/s" in text
-    assert "refused; the program accepts 0.0001 to 0.1" in text
+    assert "refused; the program accepts 0.0001 to 0.1" in words_of(text)
     assert "EKF2_ACC_NOISE would be 50 m/s^2" in text
     assert "param set EKF2_GYR_B_NOISE" in text
 
@@ -99,8 +126,8 @@ def test_values_outside_the_limits_are_refused_and_not_clipped() -> None:
 def test_a_term_that_is_not_known_gets_no_number(program: str) -> None:
     text = lines(numbers((GYRO_N, FORCE_N, math.nan, math.nan)), program)
     assert "nan" not in text
-    assert text.count("not known from these logs, at most") >= 2
-    assert "keep the default" in text
+    assert words_of(text).count("not known from these logs, at most") >= 2
+    assert "keep the default" in words_of(text)
 
 
 def test_kf_gins_has_the_drive_of_a_random_walk() -> None:
@@ -124,12 +151,13 @@ def test_matlab_has_variances_of_a_sample_for_its_measurements() -> None:
 def test_robot_localization_has_a_matrix_of_fifteen_states() -> None:
     text = lines(numbers(), "robot_localization")
     matrix = yaml.safe_load(text)["process_noise_covariance"]
+    assert {type(one) for one in matrix} == {float}  # ROS 2 takes no integer among them
     matrix = np.array(matrix).reshape(15, 15)
     assert (matrix == matrix.T).all()
     assert np.diag(matrix)[9:12] == pytest.approx([0.5] * 3)
-    assert np.diag(matrix)[12:] == pytest.approx([2.0] * 3)
+    assert np.diag(matrix)[12:] == pytest.approx([12.0] * 3)
     assert f"angular_velocity_covariance diagonal: {GYRO_N**2 * RATE:.4g}" in text
-    assert "not known without a drive" in lines(numbers(moving=""), "robot_localization")
+    assert "not known without a drive" in words_of(lines(numbers(moving=""), "robot_localization"))
 
 
 def test_the_table_is_plain_data() -> None:
