@@ -6,6 +6,7 @@ import difflib
 import math
 import re
 from collections.abc import Collection, Mapping
+from functools import lru_cache
 
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import (
@@ -44,13 +45,14 @@ UNITS: dict[str, Factors] = {name: Factors(units) for name, units in {
         "°": DEGREE, "rad": 1.0, "1e-7°": 1e-7 * DEGREE, "1e-6°": 1e-6 * DEGREE, "′": DEGREE / 60,
         "semicircles": math.pi / 2**31,
     },
-    "length": {"m": 1.0, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 1e-3},
+    "length": {"m": 1.0, "ft": FOOT, "km": 1000.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3},
     "speed": {
         "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": KILOMETRE_PER_HOUR, "mph": MILE_PER_HOUR,
         "ft/min": FOOT / 60, "cm/s": 0.01, "mm/s": 1e-3,
     },
     "angular rate": {
         "°/s": DEGREE, "rad/s": 1.0, "mrad/s": 1e-3, "m°/s": 1e-3 * DEGREE, "°/h": DEGREE / 3600,
+        "°/min": DEGREE / 60,
         "rpm": 2 * math.pi / 60,
     },
     "acceleration": {
@@ -64,45 +66,41 @@ UNITS: dict[str, Factors] = {name: Factors(units) for name, units in {
 
 _SPELLINGS = {spelling: unit for unit, spellings in {
     "s": "с seconds second sec secs",
-    "ms": "milliseconds msec millis 0.001s",
-    "µs": "microseconds us usec micros μs",
+    "ms": "milliseconds millisecond millisec msec millis 0.001s",
+    "µs": "microseconds microsecond microsec us usec micros μs",
     "min": "minutes",
-    "h": "hours",
+    "h": "hours hour hr hrs",
     "days": "day",
-    "°": "deg degrees degree º wgs84",
+    "°": "deg degrees degree º wgs84 dd decimaldegrees decimaldeg",
     "rad": "radians radian",
-    "m": "м metres meters metre meter",
-    "ft": "feet foot ftmsl ftagl ftwgs",
+    "m": "м metres meters metre meter mtr mtrs masl mamsl mmsl",
+    "ft": "feet foot ftmsl ftasl ftamsl ftagl ftwgs",
     "cm": "0.01m",
     "mm": "0.001m",
-    "m/s": "м/с mps metrespersecond meterspersecond m_s meters/second meter/s meters/s m/sec "
-        "meters_per_second metres_per_second",
+    "m/s": "м/с m/s^-1",
     "kt": "knots knot kts ktas kn",
-    "ft/s": "fps feetpersecond ft_s ft/sec",
-    "km/h": "км/ч kmh kph km_h kmph km/hr",
+    "ft/s": "fps",
+    "km/h": "км/ч kph",
     "ft/min": "fpm",
-    "°/s": "°/с град/с "
-        "deg/s degps degreespersecond dps deg_s degs degsec deg_sec deg_per_s deg_per_sec deg/sec "
-        "degpersec deg*s^-1 d/s º/s degrees/s degrees/sec degree/s",
-    "rad/s": "рад/с "
-        "radps rad/sec radianspersecond rad_sec rads rad_s radsec rad_per_s rad_per_sec rps rads^-1 "
-        "radpersec rad*s^-1 r/s",
-    "m/s²": "м/с² м/с2 м/с^2 "
-        "m/s2 m/s^2 mps2 m_s2 m_s^2 ms2 ms^2 m_s_2 mpss m_per_s2 m/s/s ms^-2 m*s^-2 m/sec^2 m/sec2 "
-        "m/(s^2) m/s**2 meters/s^2",
-    "g": "gforce gs gravity",
-    "ft/s²": "ft/s2 ft/s^2 ft/sec^2",
-    "cm/s²": "cm/s2 cm/s^2 gal",
-    "mm/s²": "mm/s2 mm/s^2",
-    "µg": "ug μg",
-    "°/h": "deg/h deg/hr °/hr deg/hour",
-    "m°/s": "mdps mdeg mdeg/s",
-    "mrad/s": "mrad_s",
-    "mg": "millig milli_g",
-    "ns": "nsec nanos nanoseconds",
-    "1e-7°": "1e7 e7 dege7",
+    "°/s": "°/с град/с dps degs degs/s d/s",
+    "rad/s": "рад/с rps rads rads/s rads^-1 r/s 1/s s^-1",
+    "m/s²": "м/с² м/с2 м/с^2",
+    "g": "gforce g-force gs g's gee gees gravity standardgravity gn g0",
+    "ft/s²": "fps2 fps^2 fpss",
+    "cm/s²": "gal",
+    "cm/s²/1000": "mgal milligal",
+    "µg": "ug μg microg micro-g micro_g",
+    "°/h": "dph",
+    "m°/s": "mdps mdeg",
+    "mg": "millig milli-g milli_g mgs mgee mgees",
+    "ns": "nsec nanos nanoseconds nanosecond nanosec",
+    "1e-7°": "1e7 e7",
+    "1e-6°": "1e6 e6 microdeg microdegrees µdeg μdeg udeg",
+    "°/100": "cdeg centideg centidegrees",
+    "rad/1000": "mrad millirad milliradians",
+    "s/100": "cs centiseconds",
     "semicircles": "semicircle",
-    "′": "arcmin",
+    "′": "arcmin angle:min angle:minutes",
     "µT": "ut µt μt microt microtesla",
     "T": "tesla",
     "nT": "nanotesla",
@@ -115,7 +113,39 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
     "mbar": "millibar",
     "inHg": "inhg",
 }.items() for spelling in spellings.split()}  # fmt: skip
-"""Units by what files and people write, without blanks and in lower case."""
+"""Units by what files and people write, without blanks and in lower case; those over a time are below."""
+
+_OVER = {part: unit for unit, parts in {
+    "m": "m meter meters metre metres mtr м",
+    "cm": "cm centimeter centimeters centimetre centimetres",
+    "mm": "mm millimeter millimeters millimetre millimetres",
+    "km": "km kms kilometer kilometers kilometre kilometres",
+    "ft": "ft feet foot",
+    "mi": "mi mile miles",
+    "nmi": "nm nmi nauticalmile nauticalmiles",
+    "°": "° º deg degree degrees",
+    "m°": "m° mdeg millideg millidegree millidegrees",
+    "rad": "rad radian radians",
+    "mrad": "mrad millirad millirads milliradian milliradians",
+    "rev": "rev revs revolutions",
+}.items() for part in parts.split()}  # fmt: skip
+_PER = {part: unit for unit, parts in {
+    "s": "s sec secs second seconds", "min": "min minute minutes", "h": "h hr hour hours",
+}.items() for part in parts.split()}  # fmt: skip
+_TIMES = "|".join(sorted(_PER, key=len, reverse=True))
+_LENGTHS = "|".join(sorted(_OVER, key=len, reverse=True))
+RATIO = (
+    rf"(?:{_LENGTHS})_?(?:/|per|p|)_?(?:{_TIMES})"
+    rf"(?:_?(?:/|per|p|)_?(?:{_TIMES}))?(?:_?\^?-?[12²])?"
+)
+"""A length or an angle over a time, or its square: ``m/s/s``, ``cm_s2``, ``degrees per second``."""
+_RATIO = re.compile(rf"({_LENGTHS})(?:/|per|p|)({_TIMES})((?:/|per|p|)(?:{_TIMES}))?(-?\d)?")
+"""The same in lower case, without blanks and the marks of `_MARKS`."""
+_MARKS = str.maketrans("²⁻¹", "2-1", " _^*·⋅.()")
+_NAMED = {"mi/h": "mph", "nmi/h": "kt", "rev/min": "rpm"}
+_MULTIPLE = re.compile(r"(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)[*x×]?((?!e?\d).+)")
+_IN_POWERS = re.compile(r"([^\d*x×]+?)_?[*x×]?_?1?e-?(\d{1,2})")
+"""A unit after a number, ``1e-3g``; and before a power of ten in which it is counted, ``deg*1e7``."""
 
 
 def refuse_unknown(path: object, units: Mapping[str, str], columns: Collection[str]) -> None:
@@ -144,13 +174,45 @@ def refuse_unknown(path: object, units: Mapping[str, str], columns: Collection[s
             )
 
 
+@lru_cache(maxsize=4096)
 def unit_of(kind: str, spelling: str) -> str:
     """Return a unit as `UNITS` has it; empty for what is no unit of the kind."""
-    text, counts = "".join(spelling.strip("[]() ").split()), ""
+    text, counts = "".join(spelling.strip("[](){}<> ").split()), ""
     if found := _COUNTS.fullmatch(text):
         text, counts = found[1], f"/{found[2]}"
-    for written in (text, text.lower()):
+    for written in (text, text.lower(), text.lower().replace(".", ""), f"{kind}:{text.lower()}"):
         unit = _SPELLINGS.get(written, written)
         if unit in UNITS.get(kind, ()):
             return f"{unit}{counts}"
-    return ""
+    if unit := _over_time(kind, text.lower()):
+        return f"{unit}{counts}"
+    return "" if counts else _scaled(kind, text.lower())
+
+
+def _over_time(kind: str, text: str) -> str:
+    """Return the unit of a length or an angle over a time; empty for another text."""
+    plain = text.replace("squared", "2").translate(_MARKS)
+    if plain in _OVER or not (found := _RATIO.fullmatch(plain)):  # metres are no m/s
+        return ""
+    is_square = found[3] is not None or (found[4] or "").endswith("2")
+    unit = f"{_OVER[found[1]]}/{_PER[found[2]]}{'²' if is_square else ''}"
+    unit = _NAMED.get(unit, unit)
+    return unit if unit in UNITS.get(kind, ()) else ""
+
+
+def _scaled(kind: str, text: str) -> str:
+    """Return the unit of a text with a number before a unit, or a power of ten behind it; else nothing."""
+    text = text.replace("10^", "1e")
+    if found := _MULTIPLE.fullmatch(text):
+        base, size = unit_of(kind, found[2]), float(found[1])
+    elif found := _IN_POWERS.fullmatch(text):
+        base, size = unit_of(kind, found[1]), 10.0 ** -int(found[2])
+    else:
+        return ""
+    if not base or not size:
+        return ""
+    factor = UNITS[kind][base] * size
+    known = (unit for unit, one in UNITS[kind].items() if math.isclose(one, factor, rel_tol=1e-9))
+    count = next(iter(UNITS[kind].values())) / factor
+    counted = f"{next(iter(UNITS[kind]))}/{count:.9f}".rstrip("0").rstrip(".")
+    return next(known, counted if counted in UNITS[kind] else "")

@@ -74,13 +74,16 @@ IGNORED = "-"
 
 _CALIBRATED = re.compile(r"(?i)_cal$")
 _BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
+_BRACES = str.maketrans("{<>}", "[[]]")
+_UNIT_BEHIND = re.compile(r"(.+?)(?:,\s*|\s/\s*|[\s_]in[\s_])([^,()\[\]]{1,24})")
+"""A unit behind a comma, a fraction bar or the word "in"."""
 _DATUM = re.compile(r"(?i)(?<=\S)\s+(?:a?msl|asl|true)$")
 """What may follow a unit: above what, or from which north."""
 _AXIS = re.compile(r"(?i)[\s_.:/-]*(?:axis[\s_.-]*)?(?<![a-z])([xyz])(?:[\s_.-]*axis)?\s*$")
 _CAMEL_AXIS = re.compile(r"(?<=[a-z])([XYZ])$")
 _CAMEL_UNIT = re.compile(
     r"(?<=[a-zXYZ])(Degrees|Deg|Radians|Meters|Metres|Feet|Mps2|Mps|Kmh|Kph|Mph|Knots|Millis|Micros|Nanos|"
-    r"MicroT|RadPerSec|DegPerSec|HPa|Hpa)$"
+    r"MicroT|RadPerSec|DegPerSec|HPa|Hpa|Dps|DPS|E[67])$"
 )
 """A unit as the last word of a heading in capitals, such as ``LatitudeDegrees``."""
 _INDEX = re.compile(r"(?:\[([012])\]|[_.]([012]))$")
@@ -252,9 +255,17 @@ def given_heading(text: str, column: str, accepted: Sequence[str] = QUANTITIES) 
     return Heading(column, quantity, axis, GIVEN, known[0], -100, sign, other=other)
 
 
+def _bracketed(stem: str) -> str:
+    """Return a heading with its unit in brackets where it stands in braces or behind a comma."""
+    stem = stem.translate(_BRACES)
+    found = _UNIT_BEHIND.fullmatch(stem)
+    is_unit = found is not None and any(unit_of(kind, found[2]) for kind in UNITS)
+    return f"{found[1]} [{found[2]}]" if found is not None and is_unit else stem
+
+
 def _cut(text: str) -> tuple[str, str, str]:
     """Cut a heading into words, axis and unit."""
-    stem, axis, unit = text.strip().strip("\"'\ufeff#% ").strip(), "", ""
+    stem, axis, unit = _bracketed(text.strip().strip("\"'\ufeff#% ").strip()), "", ""
     if found := _INDEX.search(stem):
         stem, axis = stem[: found.start()], "xyz"[int(found[1] or found[2])]
     insides = _BRACKETS.findall(stem)
@@ -268,7 +279,7 @@ def _cut(text: str) -> tuple[str, str, str]:
             stem = stem.replace("\0", inside, 1)
             continue
         stem = stem.replace("\0", " ", 1)
-    stem = _CALIBRATED.sub("", stem.strip(" :,;"))
+    stem = _CALIBRATED.sub("", stem.strip(" :,;/"))
     for _ in range(2):
         if not axis:
             found = _AXIS.search(stem) or _CAMEL_AXIS.search(stem)

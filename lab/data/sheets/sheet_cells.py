@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.data.clock.stamps import offset_of
+from lab.data.files.unit_names import RATIO
 
 _THOUSANDS = r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?"
 _BOTH_SEPARATORS = r"[+-]?\d{1,3}(?:,\d{3})+\.\d+"
@@ -285,10 +286,9 @@ def _pieces(data: bytes) -> Iterator[bytes]:
 
 
 UNIT = re.compile(
-    r"(?i)[\s_.-](rad[_/ ]?s(?:ec)?|radps|rps|rad_per_s(?:ec)?|dps|deg[_/ ]?s(?:ec)?|degps|deg_per_s(?:ec)?|"
-    r"mdps|mrad_s|m[_/ ]?s\^?2|m_s_2|mps2|mpss|m_per_s2|m/s/s|mg|milli_?g|gauss|mgauss|microt|[uµμ]t|hpa|"
-    r"kpa|mbar|g|m[_/]s|mps|km[_/]?h|kph|kmh|kmph|"
-    r"met(?:er|re)s_per_second|knots|knot|kts|kt|kn|mph|ft_s|fps|deg|degrees|rad|m|meters|metres|ft|feet|mm|cm|s|sec|secs|seconds|ms|"
-    r"msec|millis|us|usec|micros|ns|nsec|nanos|1e7|e7)$"
+    rf"(?i)[\s_.-]({RATIO}|rads|degs|rps|dps|degps|mdps|dph|fps2?|fpm|mps2|kph|kts|knots|knot|kt|kn|mph|"
+    r"gs?|m_?gs?|milli_?g|gauss|mgauss|microt|[uµμ]t|hpa|kpa|mbar|"
+    r"(?:deg_?)?1?e[67]|c?deg|degrees|m?rad|meters|metres|mtrs|m(?:a?ms|as)l|km|m|feet|ft|mm|cm|"
+    r"seconds|secs|sec|s|millis|msec|ms|micros|usec|us|nanos|nsec|ns)$"
 )
 """A unit at the end of a heading, without brackets."""

@@ -154,7 +154,8 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
             continue
         if heading.text in sheet.texts:
             return _of_text(sheet, heading, values)
-        if (of_day := seconds_of_digits(values)) is not None:
+        may_be_of_day = heading.unit in ("", "s")
+        if may_be_of_day and (of_day := seconds_of_digits(values)) is not None:
             return _leaping(Clock(of_day, heading.text, "hhmmss", False), True)
         unit = heading.unit or _guessed_unit(values[known], fast)
         time = _onwards(values, UNITS["time"][unit])
