@@ -362,6 +362,8 @@ def _sensor_of(given: set[str], joined: str) -> str:
     return "force" if sensed or pushing or joined in SENSORS["short_force"] else ""
 
 
+OF_DIRECTIONS = ("roll, pitch and yaw rate", "along the vehicle")
+"""Sensors whose headings name directions, and not to which side they are positive."""
 _ABOUT = {"roll": "x", "pitch": "y", "yaw": "z"}
 """Axes of angular rates that are named by their angle."""
 
@@ -371,16 +373,14 @@ def _about_an_axis(text: str, given: set[str], unit: str, rank: int) -> Heading 
     if len(given & set(_ABOUT)) == 1 and given & {"rate", *SENSORS["gyro"]}:
         axis = _ABOUT[next(iter(given & set(_ABOUT)))]
         known = unit_of("angular rate", unit)
-        return Heading(text, "rate", axis, "roll, pitch and yaw rate", known, rank + 1)
+        return Heading(text, "rate", axis, OF_DIRECTIONS[0], known, rank + 1)
     towards, sensed = given & set(_TOWARDS), given & SENSORS["accelerometer"]
     known = unit_of("acceleration", unit)
     # An accuracy has a length for its unit; a receiver's velocities make accelerations without gravity.
     if len(towards) != 1 or len(sensed) != 1 or given != towards | sensed or (unit and not known):
         return None
     axis = _TOWARDS[next(iter(towards))]
-    return (
-        Heading(text, "force", axis, "along the vehicle", known, rank + 1) if known or axis != "z" else None
-    )
+    return Heading(text, "force", axis, OF_DIRECTIONS[1], known, rank + 1) if known or axis != "z" else None
 
 
 _TOWARDS = {

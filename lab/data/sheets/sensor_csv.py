@@ -31,7 +31,7 @@ from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
 from lab.data.log.vehicle import vehicle_of
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
-from lab.data.sheets.column_names import GIVEN, IGNORED, QUANTITIES, Heading
+from lab.data.sheets.column_names import GIVEN, IGNORED, OF_DIRECTIONS, QUANTITIES, Heading
 from lab.data.sheets.json_tables import is_json
 from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
 from lab.data.sheets.sheet import Sheet
@@ -302,7 +302,8 @@ def _oriented_log(
     named = any(one.sign < 0 or one.sensor == GIVEN for one in imu.accelerometer.headings)
     is_signed = named or sheet.signed or not is_phone
     level = vehicle_of(vehicle).stays_level
-    return oriented(imu.samples, with_fixes(gnss), axes, is_phone, is_signed, shown, level)
+    by_words = any(one.headings[0].sensor in OF_DIRECTIONS for one in (imu.gyro, imu.accelerometer))
+    return oriented(imu.samples, with_fixes(gnss), axes, is_phone, is_signed, shown, level, by_words)
 
 
 def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:

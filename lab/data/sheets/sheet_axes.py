@@ -10,12 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
+from lab.data.checks import limits
 from lab.data.checks.gyro_check import GyroError
 from lab.data.checks.imu_axes import XYZ, axes_matrix
 from lab.data.checks.log_check import check_log, is_explained, matches_of
@@ -36,6 +39,8 @@ _OR_REVERSED = (
 )
 _FIRST, _FIRST_PART = 20, 0.01
 """Fewest samples, and part of them, at the start, in which a rocket stands upright or is launched."""
+_BY_WORDS = ("the roll rate", "the pitch rate", "the yaw rate", "forward", "the lateral acceleration", "up")
+"""What headings call the columns of an IMU without saying to which side they count."""
 _TILTED = np.radians(20.0)
 """Angle between gravity and the nearest axis from which it is reported [rad]."""
 
@@ -63,6 +68,7 @@ def oriented(
     signed: bool = True,
     shown: Callable[[FloatArray], SensorLog] | None = None,
     level: bool = True,
+    by_words: bool = False,
 ) -> Oriented:
     """Return a log in forward, right, down, with the axes that point there.
 
@@ -82,6 +88,8 @@ def oriented(
         As `build`, with velocities by which the axes are judged in place of those that the filter gets.
     level
         Whether the vehicle is level on average; a rocket stands on its tail.
+    by_words
+        Whether headings name directions, such as lateral or yaw, and no axes: their signs are then open.
 
     Raises
     ------
@@ -95,6 +103,9 @@ def oriented(
             _reported(log, f"Axes: {_describe(given)}, as given."), (given[0], given[1], given[2])
         )
     judged = shown or build
+    signs = ""
+    if by_words:
+        samples, signs = _in_signs_of_motion(samples, judged, phone, level)
     passed, refused = _tried(samples, judged, phone, level)
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
     if not passed:
@@ -112,7 +123,44 @@ def oriented(
     other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))
     doubtful = not signed and _passes(judged(_turned(reversed_, other)))
     doubt = _OR_REVERSED.format(_describe(other)) if doubtful else ""
-    return Oriented(_reported(log, f"Axes: {_describe(axes)}: {why}{_tilt(samples)}.{doubt}"), axes)
+    return Oriented(_reported(log, f"Axes: {_describe(axes)}: {why}{_tilt(samples)}.{signs}{doubt}"), axes)
+
+
+def _in_signs_of_motion(
+    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool, level: bool
+) -> tuple[FloatArray, str]:
+    """Return samples in the signs of lateral force and gyros that the motion shows, and a sentence on them.
+
+    Loggers of cars count lateral acceleration and yaw to either side: the two may be of left-handed axes.
+    """
+    axes = next(_candidates(samples, phone, level))
+    C, matches = axes_matrix(axes), matches_of(build(_turned(samples, axes)))
+    if len(matches.windows) < limits.LOG.gyro_windows:
+        return samples, ""
+
+    def misfit(signs: tuple[float, ...]) -> float:
+        gyros, forces = (C @ np.diag(one) @ C.T for one in (signs[:3], (1.0, signs[3], 1.0)))
+        return float(np.mean([matches.misfit(at, gyros, forces) for at in range(len(matches.windows))]))
+
+    tried = sorted((misfit(one), one) for one in product((1.0, -1.0), repeat=4))
+    fitting = [one for one in tried if one[0] < limits.LOG.gyro_misfit]
+    turned = [(left, np.array((*one[:3], 1.0, one[3], 1.0))) for left, one in fitting]
+    passed = [(left, signs) for left, signs in turned if _passes(build(_turned(samples * signs, axes)))]
+    if not passed:
+        return samples, ""
+    alike = [signs for left, signs in passed if left < limits.LOG.alike_misfit * passed[0][0]]
+    taken = max(alike, key=lambda one: one.sum())  # as they are, if the motion allows it
+
+    def named(which: NDArray[np.bool_]) -> str:
+        return " and ".join(name for name, is_one in zip(_BY_WORDS, which, strict=True) if is_one)
+
+    open_ = np.ptp(alike, axis=0) > 0
+    doubt = f", but not to which side {named(open_)} count" if open_.any() else ""
+    if (taken > 0).all():
+        return samples, ""
+    return samples * taken, (
+        f" The motion shows that {named(taken < 0)} count to the other side, which no heading says{doubt}."
+    )
 
 
 def _passes(log: SensorLog) -> bool:

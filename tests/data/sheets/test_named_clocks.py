@@ -47,6 +47,24 @@ def test_accelerations_may_be_named_by_their_direction_and_their_unit_stand_belo
     assert any("InlineAcc, LateralAcc, VerticalAcc" in remark for remark in log.repairs)
 
 
+@pytest.mark.parametrize("signs", [(1, 1, 1, 1), (1, 1, 1, -1), (1, -1, -1, 1), (-1, 1, -1, 1)])
+def test_the_motion_shows_to_which_side_a_racing_logger_counts(tmp_path, signs):
+    """AiM's headings name directions: a lateral acceleration to the right is left-handed beside one up."""
+    made = tables(30, 90)
+    imu, gnss = made.imu[::2], made.gnss
+    speed, course = np.hypot(*gnss[:, 4:6].T), np.degrees(np.arctan2(gnss[:, 5], gnss[:, 4])) % 360
+    fix = np.clip(np.searchsorted(gnss[:, 0], imu[:, 0], side="right") - 1, 0, None)
+    header = (
+        "Time,GPS Speed,GPS Heading,GPS Altitude,GPS Latitude,GPS Longitude,InlineAcc,LateralAcc,VerticalAcc,"
+        "RollRate,PitchRate,YawRate\ns,km/h,deg,m,deg,deg,g,g,g,deg/s,deg/s,deg/s\n"
+    )
+    force = imu[:, 4:] * (1, signs[3], -1) / STANDARD_GRAVITY
+    place = np.column_stack((speed * 3.6, course, gnss[:, 3], gnss[:, 1:3]))[fix]
+    rows = np.column_stack((imu[:, 0], place, force, np.degrees(imu[:, 1:4]) * signs[:3]))
+    log = read_log([table(tmp_path / "aim.csv", header, rows, before="Format,AiM CSV File\n\n")])
+    np.testing.assert_allclose(np.column_stack(log.rates)[-9:], imu[-9:, 1:], atol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("text", "quantity", "axis"),
     [
