@@ -6,8 +6,7 @@ the IMU shows that the vehicle stands still.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,25 +35,17 @@ from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.suite import SensorSuite
 
 _HEADING: Final = next(aid for aid in AIDS if aid.name == "heading")
-READINGS: Final = {
-    "time": ((), np.float64),
-    "value": ((), np.float64),
-    "innovation": ((), np.float64),
-    "variance": ((), np.float64),
-}
+Columns = dict[str, tuple[int, ...]]
+"""Shapes of the rows of some columns."""
+READINGS: Final[Columns] = {"time": (), "value": (), "innovation": (), "variance": ()}
 """Columns of heights by pressure and of speeds, and what came of them in the filter."""
-HEADINGS: Final = READINGS | {"sigma": ((), np.float64)}
+HEADINGS: Final[Columns] = READINGS | {"sigma": ()}
 """Columns of headings: also their σ; NaN where the device gives none."""
-FIELDS: Final = {
-    "time": ((), np.float64),
-    "field": ((3,), np.float64),
-    "innovation": ((), np.float64),
-    "variance": ((), np.float64),
-}
+FIELDS: Final[Columns] = {"time": (), "field": (3,), "innovation": (), "variance": ()}
 """Columns of the readings of a magnetometer: directions of the field in b, and what came of them."""
 
 
-COLUMNS: Final[dict[str, Mapping[str, Any]]] = {
+COLUMNS: Final[dict[str, Columns]] = {
     "height": READINGS,
     "speed": READINGS,
     "heading": HEADINGS,

@@ -43,55 +43,29 @@ _ENDLESS: Final = 2**62  # samples of a stream
 _ROUNDING: Final = 1e-6  # of time stamps, as in `log_navigation` [s]
 _SLACK: Final = 1e-3  # time about a fix within which its sample is looked for [s]
 _CHANGING: Final = (
-    "state",
-    "w",
-    "F",
-    "F_sum",
-    "F_step",
-    "T",
-    "clock",
-    "counts",
-    "streak",
-    "rest_sums",
-    "scalars",
+    "state", "w", "F", "F_sum", "F_step", "T", "clock", "counts", "streak", "rest_sums", "scalars",
     "rest_scalars",
-)
+)  # fmt: skip
 
 SAMPLES: Final = {
-    "time": ((), np.float64),
-    "dtheta": ((3,), np.float64),
-    "dvelocity": ((3,), np.float64),
-    "magnetic": ((3,), np.float64),
-    "rest": ((), np.bool_),
-    "standing": ((), np.bool_),
-    "position": ((3,), np.float64),
-    "velocity_n": ((3,), np.float64),
-    "q_nb": ((4,), np.float64),
-    "bias": ((6,), np.float64),
-    "covariance": ((2, 3), np.float64),
-}
+    "time": (), "dtheta": (3,), "dvelocity": (3,), "magnetic": (3,), "rest": (), "standing": (),
+    "position": (3,), "velocity_n": (3,), "q_nb": (4,), "bias": (6,), "covariance": (2, 3),
+}  # fmt: skip
 """Columns of the samples: the increments that end at a time, and the solution there without ``variance``.
 
 ``rest`` is whether the fixes and the IMU show a rest, ``standing`` also whether it lasts without fixes.
 """
+SAMPLE_TYPES: Final = {"rest": np.bool_, "standing": np.bool_}
+"""Types of the columns that are no real numbers."""
 FIXES: Final = {
-    "time": ((), np.float64),
-    "position": ((3,), np.float64),
-    "velocity_n": ((3,), np.float64),
-    "position_sigma": ((3,), np.float64),
-    "velocity_sigma": ((3,), np.float64),
-    "known_velocity": ((3,), np.float64),
-    "R": ((MEASUREMENTS, MEASUREMENTS), np.float64),
-    "variances": ((MEASUREMENTS,), np.float64),
-    "measured": ((), np.int64),
-    "turn": ((4,), np.float64),
-    "innovation": ((MEASUREMENTS,), np.float64),
-    "innovation_covariance": ((MEASUREMENTS, MEASUREMENTS), np.float64),
-    "sample": ((), np.int64),
-    "rejected": ((), np.bool_),
-    "recovered": ((), np.bool_),
-}
+    "time": (), "position": (3,), "velocity_n": (3,), "position_sigma": (3,), "velocity_sigma": (3,),
+    "known_velocity": (3,), "R": (MEASUREMENTS, MEASUREMENTS), "variances": (MEASUREMENTS,), "measured": (),
+    "turn": (4,), "innovation": (MEASUREMENTS,), "innovation_covariance": (MEASUREMENTS, MEASUREMENTS),
+    "sample": (), "rejected": (), "recovered": (),
+}  # fmt: skip
 """Columns of the fixes: as they arrived, as the filter uses them, and what came of it."""
+FIX_TYPES: Final = {"measured": np.int64, "sample": np.int64, "rejected": np.bool_, "recovered": np.bool_}
+"""Types of those that are no real numbers."""
 _OF_SAMPLES: Final = ("position", "velocity_n", "q_nb", "bias", "variance", "covariance")
 
 

@@ -17,22 +17,11 @@ FIXES_KEPT: Final = 18000
 """Innovations that are kept: half an hour at 10 Hz, in 12 MB."""
 
 _ROWS: Final = {
-    "time": ((), np.float64),
-    "phase": ((), np.int64),
-    "position": ((3,), np.float64),
-    "velocity_n": ((3,), np.float64),
-    "q_nb": ((4,), np.float64),
-    "bias": ((6,), np.float64),
-    "variance": ((15,), np.float64),
-    "covariance": ((2, 3), np.float64),
-}
-"""Columns of the history: shape of a row, and type."""
-_INNOVATIONS: Final = {
-    "time": ((), np.float64),
-    "innovation": ((6,), np.float64),
-    "innovation_covariance": ((6, 6), np.float64),
-    "rejected": ((), np.bool_),
-}
+    "time": (), "phase": (), "position": (3,), "velocity_n": (3,), "q_nb": (4,), "bias": (6,),
+    "variance": (15,), "covariance": (2, 3),
+}  # fmt: skip
+"""Columns of the history: shape of a row."""
+_INNOVATIONS: Final = {"time": (), "innovation": (6,), "innovation_covariance": (6, 6), "rejected": ()}
 """Columns of the innovations."""
 
 
@@ -40,8 +29,8 @@ class History:
     """The history of a live navigator."""
 
     def __init__(self) -> None:
-        self._rows = Rolling(_ROWS)
-        self._fixes = Rolling(_INNOVATIONS)
+        self._rows = Rolling(_ROWS, {"phase": np.int64})
+        self._fixes = Rolling(_INNOVATIONS, {"rejected": np.bool_})
         self._next = -np.inf  # time from which the next row is kept
 
     def add(self, samples: Rolling, start: int, epoch: float, phase: int, *, has_position: bool) -> None:

@@ -19,7 +19,7 @@ from lab.data.streams.live_log import headings_of, magnetometer_of
 from lab.data.streams.rolling import Rolling
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_aids import empty_readings
-from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
+from lab.live.live_filter import FIX_TYPES, FIXES, SAMPLE_TYPES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma, imu_between
 from lab.navigation.alignment import limits
 from lab.navigation.alignment.alignment import Alignment
@@ -68,8 +68,8 @@ class Stream:
 
     def __init__(self, epoch: float, states: int) -> None:
         self.epoch = epoch
-        self.samples = Rolling(SAMPLES | {"variance": ((states,), np.float64)})
-        self.fixes = Rolling(FIXES)
+        self.samples = Rolling(SAMPLES | {"variance": (states,)}, SAMPLE_TYPES)
+        self.fixes = Rolling(FIXES, FIX_TYPES)
         self.readings = empty_readings()
         self.gaps: list[tuple[float, float]] = []
         """Start and end of the filled gaps [s]."""

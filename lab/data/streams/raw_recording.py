@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from lab.data.clock.limits import LIMITS
+from lab.data.protocols.json_rows import parsed
 from lab.data.streams.transport import Chunk
 
 SUFFIX = ".inslab"
@@ -218,21 +219,14 @@ def records(path: str | os.PathLike[str]) -> Generator[tuple[int, Chunk], None, 
 
 def event_of(data: bytes) -> dict[str, Any]:
     """Return the event of a record; an empty one if the record is damaged."""
-    try:
-        event = json.loads(data)
-    except (ValueError, RecursionError):
-        return {}
+    event = parsed(data)
     return event if isinstance(event, dict) else {}
 
 
 def _header(file: BinaryIO, path: object) -> dict[str, Any]:
     if file.read(len(MAGIC)) != MAGIC:
         raise RecordingError(f"{path}: is no raw recording of this laboratory")
-    line = file.readline(_MAX_HEADER)
-    try:
-        header = json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise RecordingError(f"{path}: its second line is damaged") from error
+    header = parsed(file.readline(_MAX_HEADER))
     if not isinstance(header, dict):
         raise RecordingError(f"{path}: its second line is damaged")
     return header

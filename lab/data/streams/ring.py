@@ -14,6 +14,7 @@ from lab.data.clock.timed_samples import NO_READINGS, TIMED_FIX, TIMED_IMU, TIME
 ROOM = 2**17, 2**13, 2**15
 """Samples of the IMU, fixes, headings and speeds that are kept: two minutes at 1 kHz, 13 minutes at 10 Hz,
 and two minutes at 250 Hz; 21 MB."""
+_KINDS = TIMED_IMU, TIMED_FIX, TIMED_READING
 
 
 class Cursor(NamedTuple):
@@ -59,9 +60,7 @@ class Ring:
 
     def __init__(self, room: tuple[int, int, int] = ROOM) -> None:
         self._lock = threading.Lock()
-        self._imu = np.zeros(room[0], TIMED_IMU)
-        self._fix = np.zeros(room[1], TIMED_FIX)
-        self._reading = np.zeros(room[2], TIMED_READING)
+        self._rooms = tuple(map(np.zeros, room, _KINDS))
         self._end = Cursor()
 
     @property
@@ -72,34 +71,29 @@ class Ring:
     def forget(self) -> None:
         """Give the memory of all samples back; nothing more may come. `end` still says how many came."""
         with self._lock:
-            self._imu, self._fix, self._reading = (
-                np.zeros(0, kind) for kind in (TIMED_IMU, TIMED_FIX, TIMED_READING)
-            )
+            self._rooms = tuple(np.zeros(0, kind) for kind in _KINDS)
 
     def scale_rates(self, factor: float) -> None:
         """Multiply the angular rates of all samples, whose unit was another one."""
         with self._lock:
-            self._imu["rate"] *= factor
+            self._rooms[0]["rate"] *= factor
 
     def append(
         self, imu: NDArray[np.void], fix: NDArray[np.void], reading: NDArray[np.void] = NO_READINGS
     ) -> None:
         """Add samples; the oldest make room for them."""
         with self._lock:
-            end = self._end
-            _put(self._imu, end.imu, imu)
-            _put(self._fix, end.fix, fix)
-            _put(self._reading, end.reading, reading)
-            self._end = Cursor(end.imu + len(imu), end.fix + len(fix), end.reading + len(reading))
+            new = imu, fix, reading
+            for room, at, rows in zip(self._rooms, self._end, new, strict=True):
+                _put(room, at, rows)
+            self._end = Cursor(*(at + len(rows) for at, rows in zip(self._end, new, strict=True)))
 
     def since(self, cursor: Cursor | None = None) -> Read:
         """Return what was appended after a cursor; None stands for the beginning."""
-        begin = cursor or Cursor()
         with self._lock:
-            imu, lost_imu = _taken(self._imu, begin.imu, self._end.imu)
-            fix, lost_fix = _taken(self._fix, begin.fix, self._end.fix)
-            reading, lost = _taken(self._reading, begin.reading, self._end.reading)
-            return Read(self._end, imu, fix, lost_imu + lost_fix + lost, reading)
+            taken = map(_taken, self._rooms, cursor or Cursor(), self._end)
+            (imu, fix, reading), lost = zip(*taken, strict=True)
+            return Read(self._end, imu, fix, sum(lost), reading)
 
     def last(self, imu: int, fix: int) -> Read:
         """Return the last samples and fixes, at most this many of each."""
@@ -110,20 +104,11 @@ class Ring:
         """Return the samples and fixes of the last seconds, by their times."""
         with self._lock:
             end = self._end
-            latest = max(
-                (
-                    rows["time"][(count - 1) % len(rows)]
-                    for rows, count in zip((self._imu, self._fix), end[:2], strict=True)
-                    if count and len(rows)
-                ),
-                default=0.0,
-            )
-            since = latest - seconds
-            begin = Cursor(
-                _first_after(self._imu, end.imu, since),
-                _first_after(self._fix, end.fix, since),
-                end.reading,
-            )
+            known = zip(self._rooms[:2], end[:2], strict=True)
+            ends = [rows["time"][(count - 1) % len(rows)] for rows, count in known if count and len(rows)]
+            since = max(ends, default=0.0) - seconds
+            imu, fix = (_first_after(*one, since) for one in zip(self._rooms[:2], end[:2], strict=True))
+            begin = Cursor(imu, fix, end.reading)
         return self.since(begin)
 
 

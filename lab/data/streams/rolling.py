@@ -24,6 +24,9 @@ _SPARE: Final = 1 / 4
 """Part of the kept rows that new arrays have behind them: a row is moved four times on the average. Doubled
 arrays would take up to four times the memory of the kept rows."""
 
+NO_TYPES: Final[Mapping[str, DTypeLike]] = {}
+"""Of columns that are all float64."""
+
 
 class Rolling:
     """Columns of a stream, of which the oldest rows are forgotten.
@@ -33,12 +36,16 @@ class Rolling:
     Parameters
     ----------
     columns
-        Shape of a row and type of its numbers, by the name of the column.
+        Shape of a row, by the name of the column.
+    types
+        Type of the numbers of some columns; of the others it is float64.
     """
 
-    def __init__(self, columns: Mapping[str, tuple[tuple[int, ...], DTypeLike]]) -> None:
+    def __init__(
+        self, columns: Mapping[str, tuple[int, ...]], types: Mapping[str, DTypeLike] = NO_TYPES
+    ) -> None:
         self._arrays: dict[str, NDArray[Any]] = {
-            name: np.zeros((_ROOM, *shape), dtype) for name, (shape, dtype) in columns.items()
+            name: np.zeros((_ROOM, *shape), types.get(name, np.float64)) for name, shape in columns.items()
         }
         self._room = _ROOM
         self._offset = 0  # number of the first row of the arrays

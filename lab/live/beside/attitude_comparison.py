@@ -93,7 +93,7 @@ class AttitudeComparison:
         self._station, self._algorithms = station, tuple(algorithms)
         self._truth = station.source.truth
         self.names = (OURS, *(one.name for one in self._algorithms), DEVICE, TRUTH)
-        self._rows = Rolling({"time": ((), np.float64), "q_nb": ((len(self.names), 4), np.float64)})
+        self._rows = Rolling({"time": (), "q_nb": (len(self.names), 4)})
         self._begin_anew()
 
     def _begin_anew(self) -> None:

@@ -62,7 +62,7 @@ class OwnAlgorithm:
         self._refusal = ""  # why it could not be loaded
         self._source = source
         self._lock = threading.Lock()
-        self._rows = Rolling({"time": ((), np.float64), "q_nb": ((4,), np.float64)})
+        self._rows = Rolling({"time": (), "q_nb": (4,)})
         self._next = -np.inf  # time from which the next row is kept
         self._done = np.nan  # time of the last sample that it has stepped over
         self._lost = 0

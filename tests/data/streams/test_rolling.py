@@ -13,7 +13,7 @@ STEPS = st.lists(st.tuples(st.integers(0, 700), st.integers(0, 2000)), max_size=
 
 @given(STEPS)
 def test_the_kept_rows_are_those_that_were_written(steps: list[tuple[int, int]]) -> None:
-    rolling = Rolling({"number": ((), np.int64), "pair": ((2,), np.float64)})
+    rolling = Rolling({"number": (), "pair": (2,)}, {"number": np.int64})
     for count, keep in steps:
         begin = rolling.end
         rolling.extend(count)
@@ -27,7 +27,7 @@ def test_the_kept_rows_are_those_that_were_written(steps: list[tuple[int, int]])
 
 
 def test_memory_stays_within_two_fifths_of_the_kept_rows() -> None:
-    rolling, keep = Rolling({"value": ((8,), np.float64)}), 20_000
+    rolling, keep = Rolling({"value": (8,)}), 20_000
     largest = 0
     for _ in range(3000):
         rolling.extend(50)
