@@ -225,22 +225,17 @@ class Mavlink(Framing):
         rank = _ORDER.index(name)
         if rank > self._imu or values.get("id", 0):
             return False
-        force, magnetic = ([values[axis] for axis in axes] for axes in (ACCELEROMETER, MAGNETOMETER))
+        rate, force, magnetic = (
+            [values[axis] for axis in axes] for axes in (GYRO, ACCELEROMETER, MAGNETOMETER)
+        )
         if name == "RAW_IMU" and self._raw_seen < _TRIED:
             if not ONE_G[0] < math.hypot(*force) / STANDARD_GRAVITY < ONE_G[1]:
                 return False
             self._raw_seen += 1
         self._imu = rank
-        rows.add_imu(
-            end,
-            values["time_usec"] if "time_usec" in values else values["time_boot_ms"],
-            -1,
-            [values[axis] for axis in GYRO],
-            force,
-            magnetic if any(magnetic) else UNKNOWN,
-            values["temperature"],
-            values.get("abs_pressure", NAN),
-        )
+        time = values["time_usec"] if "time_usec" in values else values["time_boot_ms"]
+        field, pressure = magnetic if any(magnetic) else UNKNOWN, values.get("abs_pressure", NAN)
+        rows.add_imu(end, time, -1, rate, force, field, values["temperature"], pressure)
         return True
 
     def _read_wheels(self, values: dict[str, float], end: int, rows: Rows) -> bool:
@@ -397,27 +392,14 @@ def _text(name: bytes) -> str:
 def _add_fix(values: dict[str, float], end: int, rows: Rows) -> None:
     time, utc = _clock(values["time_usec"])
     speed, course, over_sea = values["vel"], values["cog"], math.isnan(values["alt_ellipsoid"])
-    level, vertical, speed_sigma = (
-        values[name] if SIGMAS[0] < values[name] < SIGMAS[1] else NAN
-        for name in ("h_acc", "v_acc", "vel_acc")
-    )
+    place = values["lat"], values["lon"], values["alt" if over_sea else "alt_ellipsoid"]
+    velocity = speed * math.cos(course), speed * math.sin(course), NAN
+    sigmas = (values[name] for name in ("h_acc", "v_acc", "vel_acc"))
+    sigma = [one if SIGMAS[0] < one < SIGMAS[1] else NAN for one in sigmas]
     satellites, kind = values["satellites_visible"], int(values["fix_type"])
-    rows.add_fix(
-        end,
-        time,
-        NAN,
-        utc,
-        values["lat"],
-        values["lon"],
-        values["alt"] if over_sea else values["alt_ellipsoid"],
-        (speed * math.cos(course), speed * math.sin(course), NAN),
-        level,
-        vertical,
-        speed_sigma,
-        -1 if math.isnan(satellites) else int(satellites),
-        kind if FIX_2D <= kind <= FIX_RTK else FIX_3D if kind > FIX_RTK else NO_FIX,
-        over_sea,
-    )
+    count = -1 if math.isnan(satellites) else int(satellites)
+    kind = kind if FIX_2D <= kind <= FIX_RTK else FIX_3D if kind > FIX_RTK else NO_FIX
+    rows.add_fix(end, time, NAN, utc, place, velocity, sigma, count, kind, over_sea)
 
 
 def _clock(time: float) -> tuple[float, float]:

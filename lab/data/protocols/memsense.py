@@ -82,16 +82,14 @@ class Memsense(Framing):
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Add the sample of a frame."""
-        gx, gy, gz, ax, ay, az, mx, my, mz, *temperatures = _NUMBERS.unpack_from(frame, _AT)
-        rows.add_imu(
-            end,
-            self._timer.continued(_TIMER.unpack_from(frame, _HEAD)[0]) * TICK,
-            -1,
-            (gx * _RATE, gy * _RATE, gz * _RATE),
-            (ax * _FORCE, ay * _FORCE, az * _FORCE),
-            (mx * _MAGNETIC, my * _MAGNETIC, mz * _MAGNETIC),
-            _MIDDLE + _DEGREES_PER_COUNT * sum(temperatures) / 3,
+        counts = _NUMBERS.unpack_from(frame, _AT)
+        time = self._timer.continued(_TIMER.unpack_from(frame, _HEAD)[0]) * TICK
+        rate, force, magnetic = (
+            [count * unit for count in counts[at : at + 3]]
+            for at, unit in ((0, _RATE), (3, _FORCE), (6, _MAGNETIC))
         )
+        temperature = _MIDDLE + _DEGREES_PER_COUNT * sum(counts[9:]) / 3
+        rows.add_imu(end, time, -1, rate, force, magnetic, temperature)
         return True
 
 

@@ -103,18 +103,11 @@ class Mip(Framing):
                 rate, force = [one / interval for one in angle], [one / interval for one in velocity]
         if rate is UNKNOWN and force is UNKNOWN:
             return False
-        x, y, z = force
-        mx, my, mz = fields.get(MAGNETIC, UNKNOWN)
-        rows.add_imu(
-            end,
-            time,
-            -1,
-            rate,
-            (x * STANDARD_GRAVITY, y * STANDARD_GRAVITY, z * STANDARD_GRAVITY),
-            (mx * GAUSS, my * GAUSS, mz * GAUSS),
-            fields.get(TEMPERATURE, UNKNOWN)[2],
-            fields.get(PRESSURE, UNKNOWN)[0] * MILLIBAR,
-        )
+        force = [one * STANDARD_GRAVITY for one in force]
+        magnetic = [one * GAUSS for one in fields.get(MAGNETIC, UNKNOWN)]
+        pressure = fields.get(PRESSURE, UNKNOWN)[0] * MILLIBAR
+        temperature = fields.get(TEMPERATURE, UNKNOWN)[2]
+        rows.add_imu(end, time, -1, rate, force, magnetic, temperature, pressure)
         return True
 
 
@@ -141,26 +134,12 @@ def _read_fix(fields: Fields, end: int, rows: Rows) -> bool:
     if FIX_INFO in fields:
         kind, satellites, _, _ = map(int, fields[FIX_INFO])
         fix_type = _FIX_TYPES.get(kind, NO_FIX) if valid & 1 else NO_FIX
-    north, east, down, _, _, _, speed_sigma, _, known = fields.get(
-        VELOCITY, (*UNKNOWN, *UNKNOWN, NAN, NAN, 0)
-    )
-    if not int(known) & 1:
-        north = east = down = NAN
-    rows.add_fix(
-        end,
-        _time(fields),
-        _week_time(fields),
-        NAN,
-        math.radians(latitude),
-        math.radians(longitude),
-        height if valid & 2 else NAN,
-        (north, east, down),
-        level if valid & 8 else NAN,
-        vertical if valid & 16 else NAN,
-        speed_sigma,
-        satellites,
-        fix_type,
-    )
+    *velocity, _, _, _, speed_sigma, _, known = fields.get(VELOCITY, (*UNKNOWN, *UNKNOWN, NAN, NAN, 0))
+    velocity_n: Vector = velocity if int(known) & 1 else UNKNOWN
+    place = math.radians(latitude), math.radians(longitude), height if valid & 2 else NAN
+    sigma = level if valid & 8 else NAN, vertical if valid & 16 else NAN, speed_sigma
+    time, week_time = _time(fields), _week_time(fields)
+    rows.add_fix(end, time, week_time, NAN, place, velocity_n, sigma, satellites, fix_type)
     return True
 
 

@@ -182,38 +182,22 @@ class NovAtel(Framing):
             return
         time, values, end = self._place
         solved, kind, latitude, longitude, height, undulation, _, north, east, up, _, _, _, _, used = values
-        rows.add_fix(
-            end,
-            time,
-            time % WEEK,
-            NAN,
-            math.radians(latitude),
-            math.radians(longitude),
-            height + undulation,
-            self._velocity[1] if self._velocity[0] == time else UNKNOWN,
-            math.sqrt((north * north + east * east) / 2),
-            up,
-            NAN,
-            int(used) if 0 <= used <= MOST_SATELLITES else -1,
-            _KINDS.get(kind, FIX_3D) if solved == 0 else NO_FIX,
-        )
+        place = math.radians(latitude), math.radians(longitude), height + undulation
+        velocity = self._velocity[1] if self._velocity[0] == time else UNKNOWN
+        sigma = math.sqrt((north * north + east * east) / 2), up, NAN
+        count = int(used) if 0 <= used <= MOST_SATELLITES else -1
+        fix_type = _KINDS.get(kind, FIX_3D) if solved == 0 else NO_FIX
+        rows.add_fix(end, time, time % WEEK, NAN, place, velocity, sigma, count, fix_type)
         self._place = None
 
     def _read_solution(self, values: list[float], end: int, rows: Rows) -> bool:
         if self._has_places:
             return False
         week, seconds, latitude, longitude, height, north, east, up, _, _, _, state = values
-        rows.add_fix(
-            end,
-            _time(week, seconds),
-            _time(0, seconds),
-            NAN,
-            math.radians(latitude),
-            math.radians(longitude),
-            height,
-            (north, east, -up),
-            fix_type=FIX_3D if state in _SOLUTIONS.values() and state > 0 else NO_FIX,
-        )
+        place = math.radians(latitude), math.radians(longitude), height
+        kind = FIX_3D if state in _SOLUTIONS.values() and state > 0 else NO_FIX
+        time, week_time = _time(week, seconds), _time(0, seconds)
+        rows.add_fix(end, time, week_time, NAN, place, (north, east, -up), fix_type=kind)
         return True
 
     def _read_sample(self, values: list[float], end: int, rows: Rows) -> bool:

@@ -24,6 +24,7 @@ from lab.data.protocols.pairing import Pairing
 from lab.data.protocols.phone_line import DEGREES, HEAD, LONGEST, RADIANS, PhoneLine, Row
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_2D, FIX_3D, NAN, NO_FIX, UNKNOWN, Vector
+from lab.data.protocols.sending import FrameEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 
 _CLEAR = 0.5 * STANDARD_GRAVITY
@@ -164,20 +165,11 @@ def _in_ned(w: float, x: float, y: float, z: float) -> Vector:
 
 def _add_fix(fix: Row, later: float, end: int, rows: Rows) -> None:
     time, utc, latitude, longitude, height, level, vertical, north, east, down, speed, sea = fix
-    rows.add_fix(
-        end,
-        time + later,
-        utc=utc,
-        latitude=math.radians(latitude),
-        longitude=math.radians(longitude),
-        height=height,
-        velocity_n=(north, east, down) if not math.isnan(north) else UNKNOWN,
-        horizontal_sigma=level,
-        vertical_sigma=vertical,
-        speed_sigma=speed,
-        fix_type=FIX_2D if math.isnan(height) else FIX_3D,
-        sea_level=sea == 1,
-    )
+    place = math.radians(latitude), math.radians(longitude), height
+    velocity = (north, east, down) if not math.isnan(north) else UNKNOWN
+    kind = FIX_2D if math.isnan(height) else FIX_3D
+    sigma = level, vertical, speed
+    rows.add_fix(end, time + later, NAN, utc, place, velocity, sigma, fix_type=kind, sea_level=sea == 1)
 
 
 _ENOUGH = 0.02
@@ -248,7 +240,7 @@ class Turning:
         self._both += sum(one * two for one, two in zip(said, turned, strict=True))
 
 
-class PhoneEncoder:
+class PhoneEncoder(FrameEncoder):
     """Writes samples and fixes; an `Encoder`. Numbers are exact; satellites and kinds of fixes are left out.
 
     The lab's phone lines have no temperature and pressure, and a fix without a position is left out.
@@ -259,17 +251,6 @@ class PhoneEncoder:
     def __init__(self) -> None:
         self._number = 0
         self._first = 0
-
-    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the lines of samples and fixes; each fix follows the last sample that is not later."""
-        after = (
-            np.searchsorted(imu["time"], fix["time"], side="right") if len(imu) else np.zeros(len(fix), int)
-        )
-        data, begin = b"", 0
-        for row, end in zip(fix, after.tolist(), strict=True):
-            data += self._samples(imu[begin:end]) + self._fix(row)
-            begin = max(begin, end)
-        return data + self._samples(imu[begin:])
 
     def _samples(self, imu: NDArray[np.void]) -> bytes:
         data = b""

@@ -87,21 +87,13 @@ class Pvt:
             longitude, latitude, height, _, level, vertical, north, east, down, _, _, speed_sigma,
         ) = self._ordered(self._form.unpack_from(payload))  # fmt: skip
         utc = utc_seconds(year, month, day, hour, minute, second + 1e-9 * nano)
-        rows.add_fix(
-            end,
-            time,
-            1e-3 * week_time,
-            utc if valid & _VALID_TIME == _VALID_TIME else NAN,
-            math.radians(1e-7 * latitude),
-            math.radians(1e-7 * longitude),
-            1e-3 * height if abs(1e-3 * height) <= LARGEST_HEIGHT else NAN,
-            (1e-3 * north, 1e-3 * east, 1e-3 * down),
-            1e-3 * level,
-            1e-3 * vertical,
-            1e-3 * speed_sigma,
-            satellites,
-            fix_type(kind, flags) if level <= _WORST and abs(latitude) <= _POLE else NO_FIX,
-        )
+        utc = utc if valid & _VALID_TIME == _VALID_TIME else NAN
+        metres = 1e-3 * height if abs(1e-3 * height) <= LARGEST_HEIGHT else NAN
+        place = math.radians(1e-7 * latitude), math.radians(1e-7 * longitude), metres
+        velocity = 1e-3 * north, 1e-3 * east, 1e-3 * down
+        sigma = 1e-3 * level, 1e-3 * vertical, 1e-3 * speed_sigma
+        kind = fix_type(kind, flags) if level <= _WORST and abs(latitude) <= _POLE else NO_FIX
+        rows.add_fix(end, time, 1e-3 * week_time, utc, place, velocity, sigma, satellites, kind)
 
     def written(self, row: np.void) -> bytes:
         """Return the message of a fix, without what follows the accuracy of the speed."""

@@ -93,21 +93,21 @@ class Rows:
         time: float = NAN,
         week_time: float = NAN,
         utc: float = NAN,
-        latitude: float = NAN,
-        longitude: float = NAN,
-        height: float = NAN,
+        place: Vector = UNKNOWN,
         velocity_n: Vector = UNKNOWN,
-        horizontal_sigma: float = NAN,
-        vertical_sigma: float = NAN,
-        speed_sigma: float = NAN,
+        sigma: Vector = UNKNOWN,
         satellites: int = -1,
         fix_type: int = NO_FIX,
         sea_level: bool = False,
     ) -> None:
-        """Take a fix, or count it as refused; fields as of `FIX`. Without a fix, its position is unknown."""
+        """Take a fix, or count it as refused; fields as of `FIX`. Without a fix, its position is unknown.
+
+        ``place`` is latitude, longitude and height, ``sigma`` that of the position in each horizontal axis,
+        vertically, and of the speed.
+        """
+        latitude, longitude, height = place
         if fix_type <= NO_FIX and fix_type not in UNMEASURED:
-            latitude = longitude = height = NAN
-            velocity_n = UNKNOWN
+            place = velocity_n = UNKNOWN
         elif (
             not (-np.pi / 2 <= latitude <= np.pi / 2 and abs(longitude) <= 2 * np.pi)
             or abs(height) > LARGEST_HEIGHT
@@ -116,9 +116,8 @@ class Rows:
             self._statistics.refused += 1
             return
         self._fix += _FIX_ROW.pack(
-            time, week_time, utc, latitude, longitude, height, *velocity_n, horizontal_sigma,
-            vertical_sigma, speed_sigma, satellites, fix_type, sea_level, end,
-        )  # fmt: skip
+            time, week_time, utc, *place, *velocity_n, *sigma, satellites, fix_type, sea_level, end
+        )
 
     def add_reading(
         self,

@@ -98,34 +98,20 @@ class Sbf(Framing):
             return True
         stamp, week, mode, error, *numbers = _PVT.unpack_from(frame, _HEAD)
         place, velocity = [_known(one) for one in numbers[:3]], [_known(one) for one in numbers[4:7]]
-        latitude, longitude, height = place
         velocity_n: Vector = (velocity[0], velocity[1], -velocity[2])
         if number == _CARTESIAN and all(map(math.isfinite, place)):
-            latitude, longitude, height = ecef.geodetic(np.array([place]))[0].tolist()
-            axes = ecef.axes(np.array([latitude]), np.array([longitude]))[0]
+            place = ecef.geodetic(np.array([place]))[0].tolist()
+            axes = ecef.axes(np.array(place[:1]), np.array(place[1:2]))[0]
             velocity_n = (np.array(velocity) @ axes).tolist()
         kind = _KINDS.get(mode & _MODE, NO_FIX) if error == 0 else NO_FIX
         time, week_time = _times(stamp, week)
-        satellites = numbers[12]
-        horizontal = vertical = NAN
+        satellites = numbers[12] if numbers[12] != _NO_COUNT else -1
+        sigma: Vector = UNKNOWN
         if len(frame) >= _HEAD + _PVT.size + _QUALITY.size:
             *_, h_accuracy, v_accuracy, _ = _QUALITY.unpack_from(frame, _HEAD + _PVT.size)
-            horizontal, vertical = _accuracy(h_accuracy) / math.sqrt(2), _accuracy(v_accuracy)
-        rows.add_fix(
-            end,
-            time,
-            week_time,
-            NAN,
-            latitude,
-            longitude,
-            height,
-            velocity_n,
-            horizontal,
-            vertical,
-            NAN,
-            satellites if satellites != _NO_COUNT else -1,
-            FIX_2D if kind != NO_FIX and mode & _IS_2D else kind,
-        )
+            sigma = _accuracy(h_accuracy) / math.sqrt(2), _accuracy(v_accuracy), NAN
+        kind = FIX_2D if kind != NO_FIX and mode & _IS_2D else kind
+        rows.add_fix(end, time, week_time, NAN, place, velocity_n, sigma, satellites, kind)
         return True
 
 

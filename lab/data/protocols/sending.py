@@ -99,6 +99,9 @@ def whole(value: float, bits: int = 16) -> int:
 class FrameEncoder:
     """An `Encoder` that sends a frame for each sample and each fix, or none where the protocol has none."""
 
+    def _samples(self, imu: NDArray[np.void]) -> bytes:
+        return b"".join(map(self._sample, imu))
+
     def _sample(self, row: np.void) -> bytes:
         return b""
 
@@ -118,11 +121,8 @@ class FrameEncoder:
         after = (
             np.searchsorted(imu["time"], fix["time"], side="right") if len(imu) else np.zeros(len(fix), int)
         )
-        frames = []
-        begin = 0
-        for number, end in enumerate(after.tolist()):
-            frames += [self._sample(row) for row in imu[begin:end]]
-            frames.append(self._fix(fix[number]))
+        frames, begin = [], 0
+        for row, end in zip(fix, after.tolist(), strict=True):
+            frames += [self._samples(imu[begin:end]), self._fix(row)]
             begin = max(begin, end)
-        frames += [self._sample(row) for row in imu[begin:]]
-        return b"".join(frames)
+        return b"".join((*frames, self._samples(imu[begin:])))

@@ -336,16 +336,10 @@ class TextLines:
         return time
 
     def _add(self, cells: tuple[str, ...], time: float, end: int) -> None:
-        self._rows.add_imu(
-            end,
-            time,
-            int(self._number(cells, "count", -1.0)),
-            self._vector(cells, "rate"),
-            self._vector(cells, "force"),
-            self._vector(cells, "magnetic"),
-            self._number(cells, "temperature", NAN),
-            self._number(cells, "pressure", NAN),
-        )
+        count = int(self._number(cells, "count", -1.0))
+        rate, force, magnetic = (self._vector(cells, name) for name in VECTORS)
+        temperature, pressure = (self._number(cells, name, NAN) for name in ("temperature", "pressure"))
+        self._rows.add_imu(end, time, count, rate, force, magnetic, temperature, pressure)
         if "latitude" in self._places:
             self._add_fix(cells, time, end)
         for name, before in self._readings.items():
@@ -357,15 +351,12 @@ class TextLines:
     def _add_fix(self, cells: tuple[str, ...], time: float, end: int) -> None:
         """Take the position of a line, if it has another one than the line before."""
         latitude, longitude, height, *velocity = (self._number(cells, name, NAN) for name in OF_A_FIX)
-        fix = latitude, longitude, height
-        if fix == self._fix or math.isnan(latitude + longitude) or latitude == longitude == 0:
+        place = latitude, longitude, height
+        if place == self._fix or math.isnan(latitude + longitude) or latitude == longitude == 0:
             return  # zeros are written before the first fix
-        self._fix = fix
+        self._fix = place
         kind = FIX_2D if math.isnan(height) else FIX_3D
-        self._rows.add_fix(
-            end, time, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity,
-            fix_type=kind, sea_level=True,
-        )  # fmt: skip
+        self._rows.add_fix(end, time, place=place, velocity_n=velocity, fix_type=kind, sea_level=True)
 
     def _vector(self, cells: tuple[str, ...], name: str) -> Vector:
         if name not in self._vectors:

@@ -200,10 +200,10 @@ class Ubx(Framing):
             return
         assert epoch.now is not None
         sol = said.get("SOL", {})
-        latitude, longitude, height, level, vertical = _place(said)
-        north, east, down, speed_sigma = _velocity(said, latitude, longitude)
-        self.has_fixes |= math.isfinite(north)
-        if math.isnan(north) and self.yields():
+        *place, level, vertical = _place(said)
+        *velocity, speed_sigma = _velocity(said, *place[:2])
+        self.has_fixes |= math.isfinite(velocity[0])
+        if math.isnan(velocity[0]) and self.yields():
             return
         kinds = [
             fix_type(one["fix"], one["flags"] & _FIXED_OR_DIFFERENTIAL)
@@ -212,21 +212,10 @@ class Ubx(Framing):
         ]
         unmeasured = [kind for kind in kinds if kind in UNMEASURED]
         kind = NO_FIX if NO_FIX in kinds else unmeasured[0] if unmeasured else max(kinds, default=FIX_3D)
-        rows.add_fix(
-            epoch.end,
-            NAN,
-            epoch.now,
-            _utc(epoch.now, said.get("TIMEGPS", {}), sol),
-            latitude,
-            longitude,
-            height,
-            (north, east, down),
-            level,
-            vertical,
-            speed_sigma,
-            int(sol.get("satellites", -1)),
-            NO_FIX if math.isnan(latitude) else kind,
-        )
+        kind = NO_FIX if math.isnan(place[0]) else kind
+        utc, satellites = _utc(epoch.now, said.get("TIMEGPS", {}), sol), int(sol.get("satellites", -1))
+        sigma = level, vertical, speed_sigma
+        rows.add_fix(epoch.end, NAN, epoch.now, utc, place, velocity, sigma, satellites, kind)
 
     def _add_raw(self, payload: bytes, end: int, rows: Rows) -> bool:
         values: dict[int, int] = {}

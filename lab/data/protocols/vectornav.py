@@ -224,21 +224,14 @@ class VectorNavBinary(Framing):
         latitude, longitude, height = _found(frame, at, (_GPS_PLACE,), "<3d", UNKNOWN)
         north, east, down = _found(frame, at, ((GPS, 9),), "<3f", UNKNOWN)
         kind = FIX_3D if (GPS, 4) not in at else _FIX_TYPES.get(frame[at[GPS, 4]], NO_FIX)
-        rows.add_fix(
-            end,
-            time,
-            _found(frame, at, _WEEK_TIMES, "<Q", (NAN,))[0] * _NANOSECOND,
-            _utc(_found(frame, at, ((GPS, 0),), "<b5BH", ())),
-            math.radians(latitude),
-            math.radians(longitude),
-            height,
-            _found(frame, at, (_GPS_VELOCITY,), "<3f", UNKNOWN),
-            math.sqrt((north * north + east * east) / 2),
-            down,
-            _found(frame, at, ((GPS, 10),), "<f", (NAN,))[0],
-            frame[at[GPS, 3]] if (GPS, 3) in at else -1,
-            kind,
-        )
+        week_time = _found(frame, at, _WEEK_TIMES, "<Q", (NAN,))[0] * _NANOSECOND
+        utc = _utc(_found(frame, at, ((GPS, 0),), "<b5BH", ()))
+        place = math.radians(latitude), math.radians(longitude), height
+        velocity = _found(frame, at, (_GPS_VELOCITY,), "<3f", UNKNOWN)
+        (speed_sigma,) = _found(frame, at, ((GPS, 10),), "<f", (NAN,))
+        sigma = math.sqrt((north * north + east * east) / 2), down, speed_sigma
+        satellites = frame[at[GPS, 3]] if (GPS, 3) in at else -1
+        rows.add_fix(end, time, week_time, utc, place, velocity, sigma, satellites, kind)
 
 
 def _found(
@@ -332,34 +325,20 @@ class VectorNavAscii(Framing):
             rows.add_imu(end, rate=rate, force=[cell / cells[0] for cell in cells[4:7]])
         else:
             at = _CELLS[kind] - 9 if kind != "IMU" else 0
-            x, y, z = cells[at : at + 3]
-            rows.add_imu(
-                end,
-                force=cells[at + 3 : at + 6],
-                rate=cells[at + 6 : at + 9],
-                magnetic=(x * GAUSS, y * GAUSS, z * GAUSS),
-                temperature=cells[9] if kind == "IMU" else NAN,
-                pressure=cells[10] * _KILOPASCAL if kind == "IMU" else NAN,
-            )
+            magnetic = [cell * GAUSS for cell in cells[at : at + 3]]
+            force, rate = cells[at + 3 : at + 6], cells[at + 6 : at + 9]
+            temperature, pressure = (cells[9], cells[10] * _KILOPASCAL) if kind == "IMU" else (NAN, NAN)
+            rows.add_imu(end, NAN, -1, rate, force, magnetic, temperature, pressure)
         return True
 
 
 def _add_fix(cells: list[float], end: int, rows: Rows) -> None:
     week_time, _, kind, satellites, latitude, longitude, height = cells[:7]
     north, east, down, speed_sigma = cells[10:14]
-    rows.add_fix(
-        end,
-        week_time=week_time,
-        latitude=math.radians(latitude),
-        longitude=math.radians(longitude),
-        height=height,
-        velocity_n=cells[7:10],
-        horizontal_sigma=math.sqrt((north * north + east * east) / 2),
-        vertical_sigma=down,
-        speed_sigma=speed_sigma,
-        satellites=int(satellites),
-        fix_type=_FIX_TYPES.get(int(kind), NO_FIX),
-    )
+    place = math.radians(latitude), math.radians(longitude), height
+    sigma = math.sqrt((north * north + east * east) / 2), down, speed_sigma
+    kind = _FIX_TYPES.get(int(kind), NO_FIX)
+    rows.add_fix(end, NAN, week_time, NAN, place, cells[7:10], sigma, int(satellites), kind)
 
 
 class VectorNavEncoder(HeadingEncoder):

@@ -121,18 +121,10 @@ class Xsens(Framing):
         rate, force = _sensed(numbers, interval, self._plain)
         known = rate is not UNKNOWN or force is not UNKNOWN
         if known:
-            magnetic = numbers.get(MAGNETIC, UNKNOWN)
-            rows.add_imu(
-                end,
-                time,
-                count,
-                rate,
-                force,
-                [value * NOMINAL_FIELD for value in magnetic],
-                numbers.get(TEMPERATURE, (NAN,))[0],
-                whole.get(PRESSURE, NAN),
-                _clipped(whole.get(STATUS_WORD, 0)),
-            )
+            magnetic = [value * NOMINAL_FIELD for value in numbers.get(MAGNETIC, UNKNOWN)]
+            temperature, pressure = numbers.get(TEMPERATURE, (NAN,))[0], whole.get(PRESSURE, NAN)
+            clipped = _clipped(whole.get(STATUS_WORD, 0))
+            rows.add_imu(end, time, count, rate, force, magnetic, temperature, pressure, clipped)
         if GNSS_PVT in items and len(items[GNSS_PVT][1]) == PVT_SIZE:
             PVT.read(items[GNSS_PVT][1], time, end, rows)
             known = True

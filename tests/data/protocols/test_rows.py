@@ -11,20 +11,20 @@ from lab.data.protocols.limits import Limits
 from lab.data.protocols.rows import LARGEST_HEIGHT, LARGEST_SPEED, Rows
 from lab.data.protocols.samples import FIX_3D, NO_FIX
 
-FIX = {"latitude": 0.8, "longitude": 0.2, "height": 500.0, "velocity_n": (1.0, 2.0, 3.0)}
+FIX = {"place": (0.8, 0.2, 500.0), "velocity_n": (1.0, 2.0, 3.0)}
 """A fix as any receiver sends it."""
 
 
 @pytest.mark.parametrize(
     "damage",
     [
-        {"latitude": math.pi},
-        {"latitude": math.nan},
-        {"longitude": -7.0},
-        {"height": -1.1 * LARGEST_HEIGHT},
+        {"place": (math.pi, 0.2, 500.0)},
+        {"place": (math.nan, 0.2, 500.0)},
+        {"place": (0.8, -7.0, 500.0)},
+        {"place": (0.8, 0.2, -1.1 * LARGEST_HEIGHT)},
         {"velocity_n": (0.0, -1.1 * LARGEST_SPEED, 0.0)},
     ],
-    ids=lambda damage: next(iter(damage)),
+    ids=("latitude", "no latitude", "longitude", "height", "velocity_n"),
 )
 def test_a_fix_with_one_number_out_of_its_range_is_refused(damage: dict[str, object]) -> None:
     statistics = Statistics()
