@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -79,6 +79,12 @@ def undocumented(source: str) -> list[str]:
     return found
 
 
+def by_file(check: Callable[[str], list[str]], paths: list[Path]) -> dict[str, list[str]]:
+    """Return what a check finds in files, by their names; only of those where it finds anything."""
+    found = {str(path.relative_to(ROOT)): check(path.read_text("utf-8")) for path in paths}
+    return {name: lines for name, lines in found.items() if lines}
+
+
 def called(function: ast.expr) -> str:
     """Return the last name of what is called or asked for: `clip` of `np.clip`."""
     return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
@@ -123,17 +129,13 @@ def nameless(source: str) -> list[str]:
     return [f"line {line}: {value}" for (line, _), value in sorted(found.items())]
 
 
-JUDGING = [path for path in FILES if str(path.relative_to(ROOT)).startswith(JUDGES)]
+def test_every_threshold_has_a_name() -> None:
+    judging = [path for path in FILES if str(path.relative_to(ROOT)).startswith(JUDGES)]
+    assert not by_file(nameless, judging)
 
 
-@pytest.mark.parametrize("path", JUDGING, ids=[str(path.relative_to(ROOT)) for path in JUDGING])
-def test_every_threshold_has_a_name(path: Path) -> None:
-    assert not nameless(path.read_text("utf-8"))
-
-
-@pytest.mark.parametrize("name", JUDGES)
-def test_every_judging_room_exists(name: str) -> None:
-    assert (ROOT / name).exists()
+def test_every_judging_room_exists() -> None:
+    assert not [name for name in JUDGES if not (ROOT / name).exists()]
 
 
 @pytest.mark.parametrize(
@@ -160,9 +162,8 @@ def test_the_check_of_thresholds_finds_what_it_should(body: str, bare: list[str]
     assert nameless(f"def judge(x, y):\n    return {body}\n") == bare
 
 
-@pytest.mark.parametrize("path", FILES, ids=[str(path.relative_to(ROOT)) for path in FILES])
-def test_every_numeric_constant_is_explained(path: Path) -> None:
-    assert not undocumented(path.read_text("utf-8"))
+def test_every_numeric_constant_is_explained() -> None:
+    assert not by_file(undocumented, FILES)
 
 
 @pytest.mark.parametrize(
