@@ -166,7 +166,10 @@ class SimulatorPage:
         else:
             self.pages.open(view.tab)
         self._waiting_beside = view.beside or self._waiting_beside
+        self._address.read()
         if self._is_alone:
+            if self._openings is not None:
+                self.session.take_at_hand()
             self._steps.pop(0)()
         while self._steps and self._openings is None:
             self._steps.pop(0)()
@@ -180,7 +183,6 @@ class SimulatorPage:
         add_browser_scripts(self._document)
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._is_ready())
-        self._address.read()
         chosen = missions().get(self.session.experiment.mission)
         if chosen is not None:
             self._name(chosen)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from threading import Event
 from typing import Any, NamedTuple
 
 import param
@@ -29,6 +30,9 @@ PATIENCE = 500
 
 RUNS = (1, 10, 30, 100, 300, 1000)
 """Numbers of runs that a page can judge together."""
+
+AT_HAND = 0.2
+"""Longest time for which a page that is being made waits for its result [s]: one in the cache takes 20 ms."""
 
 REST = 1000
 """Quiet time before the settings count as settled [ms]; a change on ten pages takes less."""
@@ -139,6 +143,7 @@ class Session(param.Parameterized):
         self._changed, self._resting = 0.0, True
         self._closed = False
         self._arrived: tuple[Experiment, Outcome] | None = None
+        self._has_arrived = Event()
         self._newest: Experiment | None = None
         self._released: Experiment | None = None
         self._restored: Experiment | None = None
@@ -348,7 +353,17 @@ class Session(param.Parameterized):
         replaced = outcome.result is not None and outcome.result.is_long and experiment is not self._newest
         if not (self._closed or replaced):
             self._arrived = experiment, outcome
+            self._has_arrived.set()
             soon(self._document, self._collect)
+
+    def take_at_hand(self) -> None:
+        """Take the first result now if it is there at once, for a page that is being made.
+
+        The browser then gets its plots with their curves, and makes and lays them out once. The event loop
+        waits meanwhile, so no other page may be open.
+        """
+        self._has_arrived.wait(AT_HAND)
+        self._take()
 
     def _open(self) -> None:
         self._browser_ready = True
@@ -356,7 +371,11 @@ class Session(param.Parameterized):
 
     def _collect(self) -> None:
         """Take the arrived outcome; it waits until the browser has its document."""
-        if self._browser_ready and self._arrived is not None:
+        if self._browser_ready:
+            self._take()
+
+    def _take(self) -> None:
+        if self._arrived is not None:
             (experiment, outcome), self._arrived = self._arrived, None
             self._receive(experiment, outcome)
 

@@ -17,9 +17,11 @@ import pytest
 from bokeh.document import Document
 from panel.io.state import set_curdoc
 
-from dashboards import garbage, openings
+from dashboards import garbage, openings, session
+from dashboards.computing import Outcome
 from dashboards.openings import Openings
 from dashboards.page import SimulatorPage
+from lab.experiment.experiment import Experiment
 
 CONTEXT: Any = SimpleNamespace(destroyed=False)
 
@@ -107,6 +109,37 @@ def test_a_page_alone_has_its_plots_first_and_all_settings_in_one_step(
     assert page._files.view in page._sidebar.objects
     assert page.pages._stage.view.objects != []
     assert steps > 3 if crowded else steps == 1
+    page.close()
+
+
+@pytest.mark.parametrize("crowded", [False, True])
+def test_a_page_alone_is_made_with_the_result_that_is_in_the_cache(
+    crowded: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its browser lays the plots out once; in a crowd, nobody waits for a result, however soon it comes."""
+    Experiment().run()
+    monkeypatch.setattr(session, "AT_HAND", 30.0)
+    document = Document()
+    with set_curdoc(document):
+        page = SimulatorPage()
+        page._openings = Openings()
+        monkeypatch.setattr(page._openings, "is_crowded", lambda _document: crowded)
+        page.servable()
+    assert (page.session.result is None) == crowded
+    page.close()
+
+
+def test_a_page_does_not_wait_for_a_long_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    goes_on = Event()
+    monkeypatch.setattr(session, "run", lambda *_given: goes_on.wait(30) and Outcome(problem="too late"))
+    document = Document()
+    with set_curdoc(document):
+        page = SimulatorPage()
+        page._openings = Openings()
+        page.servable()
+    assert page.session.is_running
+    assert page.session.problem == ""
+    goes_on.set()
     page.close()
 
 
