@@ -112,8 +112,8 @@ class Program(NamedTuple):
         Begin of a comment.
     parameters : tuple of Parameter
         Its parameters.
-    before, after : tuple of str
-        Further lines; a field `rate` is that of the samples.
+    before, after, after_walks : tuple of str
+        Further lines, the last of them only with a walk of a bias; a field `rate` is that of the samples.
     notes : tuple of str
         What these numbers do not say.
     """
@@ -125,6 +125,7 @@ class Program(NamedTuple):
     parameters: tuple[Parameter, ...]
     before: tuple[str, ...] = ()
     after: tuple[str, ...] = ()
+    after_walks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -233,10 +234,14 @@ PROGRAMS = {
             ),
         ),
         before=("imunoise:",),
-        after=("# hr; the drive of a bias is 2 std^2/corrtime", f"  corrtime: {CORRELATION}"),
+        after_walks=(
+            "# hr; the drive of each process is 2 std^2/corrtime. Where you change corrtime, gsstd and asstd",
+            "# keep their drive if they are multiplied by the root of its change",
+            f"  corrtime: {CORRELATION}",
+        ),
         notes=(
-            "Keep your lines gsstd and asstd in this section: without them the program ends. corrtime is "
-            "theirs, too: from 4 to 1 hr, their drive is four times as large; halve them to keep it.",
+            "Keep your lines gsstd and asstd in this section, and any that is not known: without one of "
+            "them, the program ends.",
             "initbgstd and initbastd are not known from noise: without them, the program starts with gbstd "
             "and abstd as the sigma of the turn-on bias.",
         ),
@@ -331,6 +336,8 @@ def lines(numbers: ImuNumbers, program: str) -> str:
     for parameter in known.parameters:
         out += _lines_of(numbers, known, parameter)
     out += [line.format(rate=numbers.rate) for line in known.after]
+    if any(row.used > 0 for row in numbers.rows if row.term == TERMS[1]):
+        out += known.after_walks
     if program == "robot_localization":
         out += _motion_lines(numbers)
     for note in known.notes:

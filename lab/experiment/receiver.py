@@ -137,6 +137,11 @@ def _examined(name: str, fixes: _Fixes, gate: float, tell: Progress) -> Receiver
             f"{name}: its fixes span {span:.0f} s; accepted are at least {SHORTEST_LOG:.0f} s: fewer do not "
             "show errors that change slowly"
         )
+    if not _changes(fixes.series[ALONE]):
+        raise MissionError(
+            f"{name}: its {count} fixes are all at one place, to the last digit: nothing in them was "
+            "measured; accepted are fixes of a receiver"
+        )
     tell("finding the errors", 0.5)
     return _report(name, fixes, gate, tell)
 
@@ -251,6 +256,11 @@ class _Axis(NamedTuple):
     memory: float = math.nan
 
 
+def _changes(series: FixSeries) -> bool:
+    """Return whether positions differ, as those that a receiver measured do."""
+    return bool(np.any(np.diff(series.position, axis=0) != 0))
+
+
 def _axis(by_basis: Mapping[str, FixSeries], axes: slice) -> _Axis:
     """Return the errors along some axes, by the fixes that are most likely."""
     tried = [(basis, own, fit(own)) for basis, own in ((at, one.along(axes)) for at, one in by_basis.items())]
@@ -258,15 +268,15 @@ def _axis(by_basis: Mapping[str, FixSeries], axes: slice) -> _Axis:
     seen = judged(own, errors)
     half = own.time.size // 2
     halves, memory = None, math.nan
-    if half >= FEWEST and set(own.kind[half:]) <= set(own.kind[:half]):
+    if half >= FEWEST and _changes(own) and set(own.kind[half:]) <= set(own.kind[:half]):
         sizes = fit(own.rows(slice(0, half)))
         other = judged(own, with_motion(own.rows(slice(half, None)), sizes))
         begin = judged(own.rows(slice(0, half)), sizes)
-        memory = memory_of(begin.nis, begin.degrees)
+        memory, scale = memory_of(begin.nis, begin.degrees)
         squares, degrees = (np.append(*both) for both in (
             (begin.nis, other.nis[half:]), (begin.degrees, other.degrees[half:])
         ))  # fmt: skip
-        halves = squares[half:], degrees[half:], followed(squares, degrees, memory)[half:]
+        halves = squares[half:], degrees[half:], scale * followed(squares, degrees, memory)[half:]
     outliers = np.asarray(seen.outlier.any(axis=(1, 2)), np.int64)
     return _Axis(basis, own, errors, seen.nis, seen.degrees, outliers, halves, memory)
 
@@ -323,7 +333,7 @@ def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
         within, varies = quarters(squares, degrees)
     outliers = int(one.outliers[rows].sum())
     slow, tau = one.errors.slow, one.errors.tau
-    if rows.sum() < FEWEST:
+    if rows.sum() < FEWEST or not _changes(one.series):
         white = slow = tau = math.nan
     return KindRow(
         kind, axis, int(rows.sum()), claimed, white, slow, tau, outliers, nis, one.basis, within, varies,
@@ -338,6 +348,8 @@ def _changed(experiment: Experiment, rows: Sequence[KindRow], velocity: float, c
     factors, bounds = [1.0, 1.0, 1.0], changed.sensors.gps.param["position_variance"].bounds
     variances = [float(one) for one in np.broadcast_to(changed.sensors.gps.position_variance, 3)]
     for place, (row, axes) in enumerate(((level, slice(0, 2)), (vertical, slice(2, 3)))):
+        if math.isnan(row.white):
+            continue
         if math.isfinite(row.claimed):
             factors[place] = (row.white / row.claimed) ** 2
         else:

@@ -46,8 +46,7 @@ class KindRow(NamedTuple):
     varies : bool
         Whether the quarters differ beyond chance.
     following, memory : float
-        The same as `nis`, with a σ that follows the innovations of so many fixes before; infinite if it
-        stays.
+        The same as `nis`, with a σ that follows the innovations of so many fixes before.
     """
 
     kind: str
@@ -137,7 +136,9 @@ def sentence_of(row: KindRow) -> str:
     """Return what a row says, in one sentence, with what it rests on."""
     which = f"{row.axis} position" + ("" if row.kind == ALL else f", {row.kind} fixes")
     if math.isnan(row.white):
-        return f"{row.fixes} {row.kind} fixes are too few to show their errors: accepted are {FEWEST}."
+        few = f"{row.fixes} {row.kind} fixes are too few to show their errors: accepted are {FEWEST}."
+        same = f"The {which} is the same in all {row.fixes} fixes: nothing in it was measured."
+        return few if row.fixes < FEWEST else same
     parts = f"white {metres(row.white)}"
     if row.slow > 0:
         parts += f" and slow {metres(row.slow)} with a correlation time of {row.tau:.0f} s"

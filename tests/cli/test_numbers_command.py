@@ -101,6 +101,26 @@ def test_a_receiver_without_a_log_is_refused(folder, tmp_path):
     refused(ask("receiver", str(tmp_path / "noise.ubx")), "noise.ubx")
 
 
+def test_fixes_that_repeat_one_place_give_no_number(tmp_path):
+    """As a receiver without reception in a real log of a helicopter."""
+    log = tables(20, 80)
+    log.gnss[:, 1:7] = log.gnss[0, 1:7] * [1, 1, 1, 0, 0, 0]
+    write(tmp_path / "frozen", log)
+    refused(
+        ask("receiver", str(tmp_path / "frozen")), "fixes are all at one place", "accepted are fixes of a"
+    )
+
+
+def test_a_height_that_is_always_the_same_is_said_and_the_rest_is_found(tmp_path):
+    log = tables(20, 80)
+    log.gnss[:, 3], log.gnss[:, 6] = log.gnss[0, 3], 0.0
+    write(tmp_path / "level", log)
+    answer = ask("receiver", str(tmp_path / "level"))
+    assert answer.exit_code == 0, answer.stderr
+    assert "The vertical position is the same in all" in answer.stdout
+    assert "for the horizontal position" in answer.stdout
+
+
 def test_a_csv_with_an_imu_and_fixes_is_read_and_20_s_of_it_give_no_number(tmp_path):
     path = tmp_path / "phone.csv"
     path.write_bytes(sensor_csv.write(montreal(20)))

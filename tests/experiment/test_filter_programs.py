@@ -139,6 +139,9 @@ def test_kf_gins_has_the_drive_of_a_random_walk() -> None:
     gyro, force = math.radians(noise["gbstd"][0]) / 3600, noise["abstd"][0] * 1e-5
     assert 2 * gyro**2 / seconds == pytest.approx(GYRO_K**2, rel=2e-3)
     assert 2 * force**2 / seconds == pytest.approx(FORCE_K**2, rel=2e-3)
+    # Without them, a correlation time would only change the processes that the user has.
+    text = lines(numbers((GYRO_N, FORCE_N, math.nan, math.nan)), "kf-gins")
+    assert set(yaml.safe_load(text)["imunoise"]) == {"arw", "vrw"}
 
 
 def test_matlab_has_variances_of_a_sample_for_its_measurements() -> None:
