@@ -180,7 +180,10 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     resets, counters = resets_of(fixes)
     remarks = [remark for one in sheets for remark in one.remarks]
     remarks += [*fixes.remarks, *([attitude.remark] if attitude else [])]
-    remarks += [*unread(sheets, [*columns, *counters], remarks), *about_heights(fixes.units[2].column)]
+    remarks += [
+        *unread(sheets, [*columns, *counters], remarks),
+        *about_heights(fixes.units[2].column, fixes.sheet.ellipsoid),
+    ]
     flight = Track(
         path=paths[0], format=NAME, time=gnss.time, latitude=np.degrees(gnss.position[:, 0]),
         longitude=np.degrees(gnss.position[:, 1]), height=gnss.position[:, 2], speed=fixes.speed,

@@ -54,6 +54,10 @@ _NO_NUMBER = ("", "-", "null", "NULL", "None", "N/A", "n/a", "NA", "nan", "NaN",
 """How loggers write an unknown value."""
 _COORDINATES = ("latitude", "longitude")
 _TIMES = ("time", "seconds", "fraction", "date", "clock")
+_HEIGHTS_ABOVE = re.compile(
+    rb"(?im)^[#%][^\n]{0,200}height[^\n]{0,60}[/ =](ellipsoid|geodetic|sea level|msl\b)"
+)
+"""In a remark above the header: above what heights are, as RTKLIB writes it."""
 _OF_TEXTS = {
     "side": signs_of_sides, "zone": offsets_of_zones, "fix": are_fixes, "craft": codes_of_names,
 }  # fmt: skip
@@ -89,6 +93,8 @@ class Sheet:
         Its profile.
     rows : Rows or None
         Which lines its rows are, if a simulator or a flight deck wrote it.
+    ellipsoid : bool or None
+        Whether its heights are above the ellipsoid, if the lines above the header say it.
     """
 
     name: str
@@ -102,6 +108,7 @@ class Sheet:
     signed: bool = False
     profile: Profile | None = None
     rows: Rows | None = None
+    ellipsoid: bool | None = None
 
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0
@@ -147,7 +154,11 @@ def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sh
     start = 0
     for _ in range(layout.line + 1):
         start = data.find(b"\n", start) + 1
-    return None if not start and layout.line >= 0 else sheet_below(name, data[start:], layout)
+    if not start and layout.line >= 0:
+        return None
+    said = _HEIGHTS_ABOVE.search(data[:start])
+    sheet = sheet_below(name, data[start:], layout)
+    return replace(sheet, ellipsoid=said[1].lower().startswith(b"ellipsoid") if said else None)
 
 
 def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> Sheet:

@@ -97,10 +97,20 @@ def rescaled(column: Column, kind: str, unit: str, source: str) -> Column:
     return column._replace(values=column.values * UNITS[kind][unit], unit=unit, source=source)
 
 
-def about_heights(name: str) -> tuple[str, ...]:
-    """Return above what the heights of a column are, by its heading; empty without one, or if it is told."""
+def about_heights(name: str, ellipsoid: bool | None) -> tuple[str, ...]:
+    """Return above what the heights of a column are; empty without one, or if it is told.
+
+    Parameters
+    ----------
+    name
+        Its heading.
+    ellipsoid
+        What the file says above its header, if it says anything.
+    """
     if not name or _ABOVE_START.search(name):
         return ()
+    if ellipsoid:
+        return ("Heights are above the ellipsoid, as the lines above the header say.",)
     return (ABOVE_ELLIPSOID,) if _ELLIPSOID.search(name) else (SEA_LEVEL,)
 
 

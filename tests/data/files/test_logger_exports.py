@@ -91,3 +91,16 @@ def test_a_date_with_the_time_of_the_day_is_a_time_stamp(tmp_path, made, form):
     path = table(tmp_path / "record.csv", "Date,gps_lat,gps_lng,gps_alt,gps_speed,gps_bearing", rows)
     flight = read_raw(path)
     np.testing.assert_allclose(flight.time - flight.time[0], points[:, 0] - points[0, 0], atol=2e-3)
+
+
+@pytest.mark.parametrize(("written", "is_sea"), [("ellipsoidal", False), ("geodetic", True), ("", True)])
+def test_heights_of_rtklib_are_above_what_its_header_says(tmp_path, made, written, is_sea):
+    before = f"% program : RTKPOST\n% (lat/lon/height=WGS84/{written},Q=1:fix,2:float)\n"
+    header = "%  UTC  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)"
+    rows = [
+        [moment(t, "%Y/%m/%d"), moment(t, "%H:%M:%S.%f"), lat, lon, h, 1, 12, 0.01, 0.01, 0.02]
+        for t, lat, lon, h, *_ in track(made)
+    ]
+    flight = read_raw(table(tmp_path / "rover.pos", header, rows, " ", before=before))
+    assert (SEA_LEVEL in flight.remarks) == is_sea
+    assert any("above the ellipsoid, as the lines above" in remark for remark in flight.remarks) != is_sea

@@ -165,6 +165,46 @@ def test_rows_of_one_sensor_each_are_an_imu(tmp_path, made, expected, form):
         read_log([imu])
 
 
+ABOVE = {
+    "no header": ("", ""),
+    "remarks": ("# recorded today\n\n# with a phone\n", "time,sensor,x,y,z\n"),
+    "a title": ("Recording of today\nPixel 6,Android\n\n", "time,sensor,x,y,z\n"),
+}
+
+
+@pytest.mark.parametrize("form", ABOVE)
+def test_rows_of_one_sensor_each_may_have_remarks_and_no_header(tmp_path, made, expected, form):
+    """Three numbers of a receiver are its place."""
+    _, gnss = made
+    rows = [(t, name, *v) for t, name, *v in long_rows(made, "words")]
+    rows += [(g[0] + 1e-3, "gps", *g[1:4]) for g in gnss]
+    lines = [",".join((f"{t:.4f}", name, *(f"{x:.12g}" for x in v))) for t, name, *v in sorted(rows)]
+    lines[100:100] = ["# a remark"]
+    path = tmp_path / "all.csv"
+    path.write_text("".join(ABOVE[form]) + "\n".join(lines) + "\n")
+    log = read_log([path])
+    np.testing.assert_allclose(log.rates[0][:500], expected.rates[0][-len(log.dtheta) :][:500], atol=1e-5)
+    np.testing.assert_allclose(log.gnss.position, expected.gnss.position[-len(log.gnss.time) :], atol=1e-9)
+
+
+QUANTITIES = {"header": "time,name,value\n", "no header": "", "remark": "# export\nstamp;signal;number\n"}
+
+
+@pytest.mark.parametrize("form", QUANTITIES)
+def test_rows_of_one_quantity_each_are_a_log(tmp_path, made, expected, form):
+    imu, gnss = made
+    names = [f"{word}_{axis}" for word in ("gyro", "acc") for axis in "xyz"]
+    rows = [(t, name, x) for t, *v in imu for name, x in zip(names, v, strict=True)]
+    names = ["latitude", "longitude", "altitude", "vn", "ve"]
+    rows += [(g[0], name, x) for g in gnss for name, x in zip(names, g[1:6], strict=True)]
+    lines = [f"{t:.6f},{name},{x:.15g}" for t, name, x in sorted(rows)]
+    text = QUANTITIES[form] + "\n".join(lines) + "\n"
+    (tmp_path / "all.csv").write_text(text.replace(",", ";") if ";" in text else text)
+    log = read_log([tmp_path / "all.csv"])
+    np.testing.assert_allclose(log.rates[0], expected.rates[0][-len(log.dtheta) :], atol=1e-6)
+    np.testing.assert_allclose(log.gnss.velocity_n[:, :2], gnss[:, 4:6], atol=1e-6)
+
+
 def test_a_table_of_one_kind_stays_one(tmp_path, made):
     """A column named sensor with no gyros and accelerometers in it splits nothing."""
     rows = [(f"{g[0]:.2f}", "gps", *g[1:4]) for g in made[1]]
