@@ -433,7 +433,7 @@ def test_the_columns_of_text_lines_are_shown_and_corrected(
     station = one.connect()
     one.page._status._turn()
     one.page._report()
-    shown = str(station.source._reception.columns)
+    shown = str(station.source._reception.detector.columns)
     assert shown in one.page._status.details.object
     before = station.source.last(0.2).imu["force"][-1]
     one.page._toggle()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from further_outputs import G, motion
 from test_live_page import Opened, wait_until_nothing_is_left
 from text_outputs import still_dot
 
@@ -131,6 +132,27 @@ def test_lines_that_are_not_recognised_are_shown_with_a_choice_for_each_column(
     np.testing.assert_allclose(rows["rate"][50], np.radians(printed[place, 3:]), atol=1e-12)
     one.page._report()
     assert not part.chooser.visible
+
+
+def test_axes_in_different_units_are_said_and_a_button_reads_them_right(opened, tmp_path: Path) -> None:
+    """A sketch prints x and y in g and z in m/s²."""
+    path = tmp_path / "slip.csv"
+    _, force, rate = motion(1)
+    rows = np.tile(np.hstack((force / (G, G, 1.0), rate)), (20, 1))
+    rows = np.column_stack((np.arange(len(rows)) / 50, rows))
+    path.write_text("".join(",".join(f"{one:.5f}" for one in row) + "\n" for row in rows))
+    one = opened(f"replay:{path}?speed=10")
+    station = one.connect()
+    part = one.page._question
+    one.until(lambda: part.notice.text.startswith("The axes of the specific force"))
+    assert "x and y in g and z in m/s²" in part.notice.text
+    assert [one.label for one in part.buttons] == ["Read them so"]
+    before = station.source.end.imu
+    button(one, "Read them so")
+    one.until(lambda: station.source.end.imu > before + 200)
+    lengths = np.linalg.norm(station.source.since().imu["force"][before + 20 :], axis=1)
+    assert np.abs(lengths / G - 1).max() < 0.03
+    one.until(lambda: not part.notice.view.visible)
 
 
 def test_only_the_owner_answers_for_a_class(opened, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -25,6 +26,8 @@ UNITS = {
 """Units that are offered for a quantity with several; any other is written as `columns` of the source."""
 OTHERS_QUESTION = "In a class, only the person who opened a source and the teacher may answer."
 """Said to others who watch."""
+NO_READING: Mapping[str, str] = {}
+"""Nothing contradicts the columns."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (3, 4)}
 _OFFERED = (
     IGNORED,
@@ -47,7 +50,7 @@ class QuestionPart(PartOfWatched):
     notice : Notice
         The question, in amber.
     buttons : panel.Row
-        A button for each unit.
+        A button for each unit, or one for columns that the samples bear out.
     chooser : panel.Column
         The last lines, a choice for each column, and the command that says the same.
 
@@ -60,13 +63,14 @@ class QuestionPart(PartOfWatched):
     def __init__(self, answered: Callable[[str, str], None]) -> None:
         self._answered = answered
         self._units: tuple[str, ...] = ()
+        self._reading: dict[str, str] = {}
         self._count = 0
         self.notice = Notice()
         self.buttons = fields_row(visible=False)
         self._lines = wide_html(margin=(4, 10))
         self._choices = fields_row()
         self._use = pmui.Button(label="Use these columns", icon="check", color="primary", margin=(6, 8))
-        self._use.on_click(lambda _event: self._name())
+        self._use.on_click(lambda _event: self._name(self.said))
         self._command = wide_html(margin=(2, 10))
         self.chooser = plain_column(self._lines, self._choices, self._use, self._command, visible=False)
         self.view = plain_column(self.notice.view, self.buttons, self.chooser)
@@ -90,24 +94,32 @@ class QuestionPart(PartOfWatched):
             )
         elif count:
             question = "The columns of these lines are not recognised. Say what they are."
-        if (status.doubt, count) != (self._units, self._count):
-            self._ask(status.doubt, count, question)
+        reading = dict(status.reading)
+        if reading:
+            question = status.question
+        if (status.doubt, count, reading) != (self._units, self._count, self._reading):
+            self._ask(status.doubt, count, question, reading)
         if count:
             shown = "\n".join(escape(line) for line in lines)
             self._lines.object = f"<pre style='margin:2px 0;overflow-x:auto'>{shown}</pre>"
 
-    def _ask(self, units: tuple[str, ...], count: int, question: str) -> None:
-        self._units, self._count = units, count
+    def _ask(
+        self, units: tuple[str, ...], count: int, question: str, reading: Mapping[str, str] = NO_READING
+    ) -> None:
+        self._units, self._count, self._reading = units, count, dict(reading)
         self.notice.say(question, "warning")
-        self.buttons.visible = bool(units)
-        self.buttons[:] = [self._button(unit) for unit in units]
+        self.buttons[:] = [self._button(f"They are in {unit}", partial(self._answer, unit)) for unit in units]
+        if reading:
+            self.buttons[:] = [self._button("Read them so", partial(self._name, self._reading))]
+        self.buttons.visible = bool(len(self.buttons))
         self.chooser.visible = bool(count) and not units
         self._choices[:] = [self._choice(number) for number in range(1, count + 1)]
         self._show_command()
 
-    def _button(self, unit: str) -> Any:
-        button = pmui.Button(label=f"They are in {unit}", **_SMALL)
-        button.on_click(lambda _event: self._answer(unit))
+    @staticmethod
+    def _button(label: str, act: Callable[[], None]) -> Any:
+        button = pmui.Button(label=label, **_SMALL)
+        button.on_click(lambda _event: act())
         return button
 
     def _choice(self, number: int) -> Any:
@@ -152,12 +164,11 @@ class QuestionPart(PartOfWatched):
         self._answered("unit", f"rate={unit}")
         self._ask((), 0, "")
 
-    def _name(self) -> None:
+    def _name(self, said: Mapping[str, str]) -> None:
         """Set the columns of the source, for all who watch it."""
         station = self._station
         if station is None or not self._may_answer():
             return
-        said = self.said
         try:
             station.source.name_columns(said)
         except ColumnMapError as error:

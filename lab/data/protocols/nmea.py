@@ -22,15 +22,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
-from itertools import pairwise
 
 from lab.base.parameters.units import DAY, KILOMETRE_PER_HOUR, KNOT
 from lab.data.protocols.device_time import FIRST_YEAR, LAST_YEAR
 from lab.data.protocols.epochs import Epoch, Epochs
 from lab.data.protocols.framing import MORE, NONE, Framing, xor8
+from lab.data.protocols.nmea_receivers import Receivers
 from lab.data.protocols.rows import LARGEST_HEIGHT, LARGEST_SPEED, Rows
 from lab.data.protocols.samples import (
     COMBINED,
@@ -118,11 +117,6 @@ _SOLUTIONS = {
 }  # fmt: skip
 """Kinds of fixes by the status of PUBX,00: RK is of dead reckoning together with satellites."""
 _NOT_BY_SATELLITES = (SIMULATED, ESTIMATED, ENTERED)
-_HEARD = 16
-"""Last positions of one kind in which two receivers are seen; 10 times a second beside once are 11."""
-_TURNS = 2
-"""Changes between the two letters of the sender within these from which the sentences are of two receivers.
-One alone that begins to use another system of satellites changes them once."""
 _TRUE_HEADINGS = b"TAS"
 """What follows a true heading that is measured or simulated; HDT has no other."""
 
@@ -162,17 +156,12 @@ class Nmea(Framing):
         self._day = 0  # since 1970; since the first one, where no date is known
         self._last = NAN  # time of day [s]
         self._last_geoid = self._course = NAN
-        self._heard: dict[str, deque[bytes]] = {}  # who sent the last positions, by kind
-        self._main = b""  # who is read where several send positions
+        self._receivers = Receivers()
 
     @property
     def remark(self) -> str:
         """Which of several receivers is read, in a sentence; empty for one."""
-        others = {one for heard in self._heard.values() for one in heard} - {self._main}
-        if not self._main or not others:
-            return ""
-        names = ", ".join(one.decode() for one in sorted(others))
-        return f"Sentences of two receivers come: ${self._main.decode()}… is read, and {names} is not."
+        return self._receivers.remark
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the sentence that begins at a place, without its line end; `MORE` or `NONE`."""
@@ -206,9 +195,11 @@ class Nmea(Framing):
         if not names or len(cells) < least or frame[1:3] == b"VN":
             return False
         said = dict(zip(names, cells, strict=False))
-        if self._is_of_another(kind, frame[1:3], said):
+        clock = _time_of_day(said["time"]) if "time" in said else None
+        place = _place(said) if kind in POSITIONS else None
+        if self._receivers.is_other(kind, frame[1:3], clock, place):
             return True
-        now = _time_of_day(said["time"]) if "time" in said else self._epochs.present.now
+        now = clock if "time" in said else self._epochs.present.now
         if "heading" in said:
             _add_heading(said, end, rows)
             return True
@@ -222,19 +213,6 @@ class Nmea(Framing):
         if kind != _DATE:
             self._epochs.take(kind, said, end, rows)
         return True
-
-    def _is_of_another(self, kind: str, sender: bytes, said: _Said) -> bool:
-        """Return whether a sentence is of another receiver than the one that is read."""
-        if kind in POSITIONS and _place(said) is not None:
-            heard = self._heard.setdefault(kind, deque(maxlen=_HEARD))
-            heard.append(sender)
-            if self._main and self._main not in heard:
-                self._main = b""  # it fell silent
-                self._heard.clear()
-            elif not self._main and sum(one != other for one, other in pairwise(heard)) >= _TURNS:
-                self._main = Counter(heard).most_common(1)[0][0]
-        is_other = bool(self._main) and sender != self._main
-        return is_other and any(sender in senders for senders in self._heard.values())
 
     def finish(self, rows: Rows) -> None:
         """Add the last fix."""

@@ -142,7 +142,7 @@ def read_nmea(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     on_sea = fixes["sea_level"] == 1
     height = np.where(on_sea, fixes["height"] + np.nan_to_num(framing.geoid), fixes["height"])
     time, start = _utc(fixes["utc"])
-    remarks = [f"Time counts from {start} UTC."]
+    remarks = [f"Time counts from {start} UTC.", *filter(None, (framing.remark,))]
     if data.translate(None, _TEXT):
         remarks.append(
             f"{decoder.statistics.skipped} bytes between the sentences are binary data, such as UBX frames, "

@@ -14,19 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.data.clock.clock_watch import ClockWatch
 from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.timed_samples import NO_READINGS, ReadingTimes
-from lab.data.log.calibration import Calibration
 from lab.data.protocols.column_map import UNITS_OF, Column, ColumnMap, ColumnMapError, spelled
-from lab.data.protocols.decoder import Decoder, Statistics
 from lab.data.protocols.samples import Samples
 from lab.data.protocols.text_lines import TextLines
 from lab.data.streams.axis_map import AxisMap
+from lab.data.streams.axis_units import AxisUnits
 from lab.data.streams.imu_clock import ImuClock
 from lab.data.streams.stream_detector import StreamDetector
 from lab.data.streams.transport import Chunk, TransportError
-from lab.data.streams.unit_question import UnitQuestion
+from lab.data.streams.unit_question import UnitQuestion, question_of
 from lab.data.streams.vehicle_rows import NO_FIXES, NO_IMU, FixRows, VehicleRows
 
 Rows = NDArray[np.void]
@@ -62,10 +60,18 @@ class Reception:
 
     Attributes
     ----------
-    axes : AxisMap
-        The axis map; may be replaced at any time, for the samples that come then.
+    detector : StreamDetector
+        Finds and holds the decoder.
+    imu : ImuClock
+        Times the samples of the IMU.
+    rows : VehicleRows
+        Their axes and calibration, which may be replaced at any time, for the samples that come then.
+    fixes : FixRows
+        Times the fixes.
     decided : str
         How the unit of the angular rates was decided, in a sentence; empty while it was not.
+    axis_units : AxisUnits or None
+        Whether the axes of a text are in different units; None without text.
 
     Parameters
     ----------
@@ -107,143 +113,64 @@ class Reception:
         units = {kind: checked_unit(kind, unit) for kind, unit in (units or {}).items()}
         known = ColumnMap.of(columns) if isinstance(columns, str) and columns else columns or None
         assert not isinstance(known, str)
-        self._rows = VehicleRows(axes or AxisMap())
-        self._imu = ImuClock(rate, self._rows.put, NO_IMU)
-        self._fixes = FixRows()
-        self._detector = StreamDetector("text" if columns or said else protocol, known, said or {}, units)
+        self.rows = VehicleRows(axes or AxisMap())
+        self.imu = ImuClock(rate, self.rows.put, NO_IMU)
+        self.fixes = FixRows()
+        self.detector = StreamDetector("text" if columns or said else protocol, known, said or {}, units)
         self._reading_times = ReadingTimes()
         self._readings: list[Rows] = []  # timed, and not yet taken
         self._question: UnitQuestion | None = None
+        self.axis_units: AxisUnits | None = None
         self._factor = 1.0
         self.decided = ""
 
     @property
-    def axes(self) -> AxisMap:
-        """The axis map; it may be replaced at any time, for the samples that come then."""
-        return self._rows.axes
-
-    @axes.setter
-    def axes(self, axes: AxisMap) -> None:
-        self._rows.axes = axes
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """The constant errors of the device that are removed; may be replaced at any time."""
-        return self._rows.calibration
-
-    @calibration.setter
-    def calibration(self, calibration: Calibration | None) -> None:
-        self._rows.calibration = calibration
-
-    @property
-    def protocol(self) -> str:
-        """The protocol; empty while it is unknown."""
-        return self._detector.protocol
-
-    @property
-    def evidence(self) -> str:
-        """What speaks for the protocol, or why nothing is recognised."""
-        return self._detector.evidence
-
-    @property
-    def decoder(self) -> Decoder | None:
-        """The decoder; None while the protocol is unknown."""
-        return self._detector.decoder
-
-    @property
-    def timing(self) -> str:
-        """How samples are timed, in words."""
-        return self._imu.timing
-
-    @property
-    def rate(self) -> float:
-        """Rate by which samples are counted [Hz]; 0 if their clock is used, or it is not known yet."""
-        return self._imu.rate
-
-    @property
-    def counted(self) -> int:
-        """Samples that were timed by their number."""
-        return self._imu.counted
-
-    @property
-    def triads_apart(self) -> bool:
-        """Whether the device sends rates and forces one by one: a rate then gets the last force."""
-        return self._rows.triads_apart
-
-    @property
-    def watch(self) -> ClockWatch:
-        """What happened to the clock of the IMU."""
-        return self._imu.watch
-
-    @property
-    def clock(self) -> DeviceClock:
-        """Clock of the IMU."""
-        return self._imu.clock
-
-    @property
-    def fix_clock(self) -> DeviceClock:
-        """Clock of the receiver, if it has its own."""
-        return self._fixes.clock
-
-    @property
-    def statistics(self) -> Statistics:
-        """What the decoders have seen, since the beginning."""
-        return self._detector.statistics
-
-    @property
     def loss(self) -> Loss:
         """Losses between the device and the filter, so far."""
-        watch = self.watch
-        return Loss(self._imu.missing, watch.repeated, watch.backwards, watch.jumps)
+        watch = self.imu.watch
+        return Loss(self.imu.missing, watch.repeated, watch.backwards, watch.jumps)
 
     @property
     def described(self) -> str:
         """What speaks for the protocol, and what the decoder found out about the device, in sentences."""
-        return " ".join(text for text in (self._detector.described, self.decided, *self.positions) if text)
-
-    @property
-    def positions(self) -> tuple[str, ...]:
-        """What the receiver says of positions that are no usual fixes, in sentences."""
-        return self._fixes.positions
-
-    @property
-    def columns(self) -> ColumnMap | None:
-        """The columns of text lines, once they are known."""
-        return self._detector.columns
+        return " ".join(
+            text for text in (self.detector.described, self.decided, *self.fixes.positions) if text
+        )
 
     @property
     def doubt(self) -> tuple[str, ...]:
         """Units that the angular rates may have, the one that is used first; empty where it is known."""
-        columns = self.columns
+        columns = self.detector.columns
         return () if columns is None else columns.doubt
 
     @property
-    def last_lines(self) -> tuple[str, ...]:
-        """The last lines of text in which no columns are recognised; empty for anything else."""
-        return self._detector.last_lines
+    def question(self) -> str:
+        """What a person should decide about units, in sentences; empty without a doubt."""
+        contradicted = "" if self.axis_units is None else self.axis_units.sentence
+        return contradicted or question_of(self.doubt)
 
     @property
     def header(self) -> dict[str, Any]:
         """What a raw recording says of the stream when it begins, for `restore`."""
         return {
-            "protocol": self.protocol,
-            "columns": "" if self.columns is None else str(self.columns),
+            "protocol": self.detector.protocol,
+            "columns": "" if self.detector.columns is None else str(self.detector.columns),
             "doubt": list(self.doubt),
-            "axes": str(self.axes),
-            "rate": self.rate,
-            "clock": self.clock.state,
-            "watch": self.watch.state,
-            "counted": self.counted,
+            "axes": str(self.rows.axes),
+            "rate": self.imu.rate,
+            "clock": self.imu.clock.state,
+            "watch": self.imu.watch.state,
+            "counted": self.imu.counted,
         }
 
     def restore(self, header: Mapping[str, Any]) -> None:
         """Go on with the state of clock and watch, and the number of samples, that a recording says."""
         if "clock" in header:
-            self._imu.clock = DeviceClock.restored(header["clock"])
-        self.watch.restore(header.get("watch"))
+            self.imu.clock = DeviceClock.restored(header["clock"])
+        self.imu.watch.restore(header.get("watch"))
         number = header.get("counted")
         if isinstance(number, int) and 0 <= number < 2**53:
-            self._imu.counted = number
+            self.imu.counted = number
 
     def accept(self, chunk: Chunk) -> tuple[Rows, Rows]:
         """Return the timed samples and fixes of bytes that arrived.
@@ -255,7 +182,7 @@ class Reception:
         """
         if not chunk.data:
             return NO_IMU, NO_FIXES
-        return self._all_timed(self._detector.accept(chunk))
+        return self._all_timed(self.detector.accept(chunk))
 
     def name_columns(self, said: Mapping[str, str]) -> tuple[Rows, Rows]:
         """Read text with columns that a person names; return the samples in bytes that were kept.
@@ -271,8 +198,8 @@ class Reception:
             If these are no columns of an IMU.
         """
         ColumnMap(tuple(Column.of(text) for text in said.values()))
-        self._question = None
-        return self._all_timed(self._detector.name_columns(said))
+        self._question = self.axis_units = None
+        return self._all_timed(self.detector.name_columns(said))
 
     def answer(self, unit: str, why: str = "as you said") -> None:
         """Read angular rates in another unit; `taken_factor` says what those are off that were returned.
@@ -290,12 +217,12 @@ class Reception:
             If it is no unit of a rate, or no columns are known.
         """
         unit = checked_unit("rate", unit)
-        if self.columns is None:
+        if self.detector.columns is None:
             raise ColumnMapError("the columns are not known yet; accepted is a unit once they are")
-        factor = self._detector.answer(unit)
-        self._imu.scale_rates(factor)
+        factor = self.detector.answer(unit)
+        self.imu.scale_rates(factor)
         self._factor *= factor
-        self._question = None
+        self._question = self.axis_units = None
         self.decided = f"The angular rates are in {unit}, {why}."
 
     def taken_factor(self) -> float:
@@ -310,12 +237,12 @@ class Reception:
 
     def lose(self, arrival: float) -> tuple[Rows, Rows]:
         """Return the samples that were held back when the device was lost; the next come after a gap."""
-        rest = self._detector.finish()
+        rest = self.detector.finish()
         timed = (NO_IMU, NO_FIXES) if rest is None else self._timed(rest, arrival)
-        self._imu.restart()
-        self.fix_clock.restart()
-        self._rows.restart()
-        self._question = None
+        self.imu.restart()
+        self.fixes.clock.restart()
+        self.rows.restart()
+        self._question = self.axis_units = None
         return timed
 
     def _all_timed(self, parts: list[tuple[Samples, float]]) -> tuple[Rows, Rows]:
@@ -328,16 +255,26 @@ class Reception:
     def _timed(self, samples: Samples, arrival: float) -> tuple[Rows, Rows]:
         imu, fix = NO_IMU, NO_FIXES
         if len(samples.imu):
-            rows = self._rows.with_both_triads(samples.imu)
-            imu = self._asked(self._imu.timed(rows, arrival, self._detector.wrap_period))
+            rows = self.rows.with_both_triads(samples.imu)
+            imu = self._asked(self.imu.timed(rows, arrival, self.detector.wrap_period))
+            self._compare_axes(imu)
         if len(samples.fix):
-            fix = self._fixes.timed(samples.fix, arrival, self.clock, self.watch.last)
+            fix = self.fixes.timed(samples.fix, arrival, self.imu.clock, self.imu.watch.last)
         if len(samples.reading):
-            clocks = self.clock, self.fix_clock, self.watch.last
+            clocks = self.imu.clock, self.fixes.clock, self.imu.watch.last
             timed = self._reading_times.timed(samples.reading, arrival, imu, *clocks)
-            timed["attitude"] = self.axes.attitude(timed["attitude"])
+            timed["attitude"] = self.rows.axes.attitude(timed["attitude"])
             self._readings.append(timed)
         return imu, fix
+
+    def _compare_axes(self, imu: Rows) -> None:
+        """See whether the axes of a text have one unit each."""
+        columns, units, axes = self.detector.columns, self.axis_units, self.rows.axes
+        if columns is None or not len(imu):
+            return
+        if units is None or units.columns != columns:
+            units = self.axis_units = AxisUnits(columns)
+        units.add(imu["time"], axes.unmapped(imu["rate"]), axes.unmapped(imu["force"], force=True))
 
     def _asked(self, imu: Rows) -> Rows:
         """Return samples in the unit that their turn shows, if it was in doubt."""

@@ -168,7 +168,7 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
 def _happened(reception: Reception, event: Mapping[str, Any], options: Collection[str]) -> tuple[Rows, Rows]:
     """Follow what changed while it was recorded, unless an option says it; return what comes of it."""
     if NEW_AXES in event and "axes" not in options:
-        reception.axes = AxisMap.of(str(event[NEW_AXES]))
+        reception.rows.axes = AxisMap.of(str(event[NEW_AXES]))
     if NEW_UNIT in event and "unit" not in options:
         reception.answer(str(event[NEW_UNIT]))
     if NEW_COLUMNS in event and not {"columns", "column"} & set(options):
@@ -212,18 +212,18 @@ def log_of_recording(
     """
     found = recorded_samples(path, **options)
     remarks = []
-    axes = str(found.reception.axes)
-    if "axes" not in options and axes != str(reception_of(found.header, **options).axes):
+    axes = str(found.reception.rows.axes)
+    if "axes" not in options and axes != str(reception_of(found.header, **options).rows.axes):
         found = recorded_samples(path, **options, axes=axes)
         remarks.append(f"The axes were changed to {axes} while it was recorded; they are used for all of it.")
     name, arm = Path(path).name, np.array(lever_arm)
     try:
         log = log_of(name, found.imu, found.fix, arm, vehicle=vehicle, readings=found.reading)
     except MissionError as error:
-        raise MissionError(". ".join((str(error), *found.reception.positions))) from error
+        raise MissionError(". ".join((str(error), *found.reception.fixes.positions))) from error
     if (found.fix["sea_level"] == 1).any():
         remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
-    return replace(log, repairs=(*log.repairs, *remarks, *found.reception.positions))
+    return replace(log, repairs=(*log.repairs, *remarks, *found.reception.fixes.positions))
 
 
 def device_log(path: str | os.PathLike[str], vehicle: str = "", axes: Sequence[str] = ()) -> SensorLog | None:

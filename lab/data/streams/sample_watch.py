@@ -54,11 +54,11 @@ class SampleWatch:
         is_serial
             Whether they come through a line that has a speed.
         """
-        if now - self._sampled <= FRUITLESS or not reception.statistics.bytes:
+        if now - self._sampled <= FRUITLESS or not reception.detector.statistics.bytes:
             return ""
         if now - self._framed > FRUITLESS:
             return f"{_unread(now - self._framed, reception)} {_question(is_serial)}"
-        seen, loss = reception.statistics, reception.loss
+        seen, loss = reception.detector.statistics, reception.loss
         counts = {
             "repeated": loss.repeated, "backwards": loss.backwards, "outside the limits": seen.refused,
             "without samples": seen.unknown,
@@ -72,11 +72,12 @@ class SampleWatch:
 
 def _unread(seconds: float, reception: Reception) -> str:
     """Return a sentence about bytes that are no frames."""
-    if not reception.protocol:
-        return reception.evidence or "Bytes come; their protocol is looked for."
-    seen = counted(reception.statistics.skipped, "byte")
+    if not reception.detector.protocol:
+        return reception.detector.evidence or "Bytes come; their protocol is looked for."
+    detector = reception.detector
+    seen = counted(detector.statistics.skipped, "byte")
     return (
-        f"Bytes come, but no frame of {reception.protocol} has passed its check for {seconds:.0f} s; "
+        f"Bytes come, but no frame of {detector.protocol} has passed its check for {seconds:.0f} s; "
         f"{seen} belong to none."
     )
 

@@ -26,7 +26,6 @@ from lab.data.streams.ring import Cursor, Read, Ring
 from lab.data.streams.sample_watch import FirstBytes, SampleWatch
 from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status, rates_of
 from lab.data.streams.transport import Chunk, NoTransport, Pluggable, Transport, cause_of
-from lab.data.streams.unit_question import question_of
 from lab.motion.truth.growing_truth import TrueMotion
 
 SILENCE = 0.5
@@ -170,12 +169,12 @@ class Source:
     @property
     def axes(self) -> AxisMap:
         """The axis map; setting it changes the samples that come then, and raw recordings note it."""
-        return self._reception.axes
+        return self._reception.rows.axes
 
     @axes.setter
     def axes(self, axes: AxisMap) -> None:
         with self._lock:
-            self._reception.axes = axes
+            self._reception.rows.axes = axes
             self._happened(f"The axes are {axes} now.")
             if self._writer is not None:
                 self._report({NEW_AXES: str(axes)}, self._arrival)
@@ -183,12 +182,12 @@ class Source:
     @property
     def calibration(self) -> Calibration | None:
         """The constant errors that are removed from what comes then; raw recordings keep the bytes."""
-        return self._reception.calibration
+        return self._reception.rows.calibration
 
     @calibration.setter
     def calibration(self, calibration: Calibration | None) -> None:
         with self._lock:
-            self._reception.calibration = calibration
+            self._reception.rows.calibration = calibration
             words = "none" if calibration is None else calibration.words
             self._happened(f"The calibration is now: {words}.")
 
@@ -276,10 +275,10 @@ class Source:
         return Status(
             state=state,
             sentence=sentence,
-            protocol=reception.protocol,
+            protocol=reception.detector.protocol,
             evidence=reception.described,
-            timing=reception.timing,
-            axes=reception.axes,
+            timing=reception.imu.timing,
+            axes=reception.rows.axes,
             samples=end.imu,
             fixes=end.fix,
             rate=rate,
@@ -287,20 +286,21 @@ class Source:
             jitter=jitter,
             latency=latency,
             silence=now - self._heard,
-            statistics=reception.statistics,
+            statistics=reception.detector.statistics,
             loss=reception.loss,
             interruptions=len(self._losses),
-            drift=reception.clock.drift if end.imu else float("nan"),
-            drift_sigma=reception.clock.drift_sigma if end.imu else float("nan"),
-            offset=reception.clock.offset,
-            clock=reception.watch.events[-1].text if reception.watch.events else "",
+            drift=reception.imu.clock.drift if end.imu else float("nan"),
+            drift_sigma=reception.imu.clock.drift_sigma if end.imu else float("nan"),
+            offset=reception.imu.clock.offset,
+            clock=reception.imu.watch.events[-1].text if reception.imu.watch.events else "",
             recording=path,
             recorded=size,
             warning=self._warning or (writer.warning if writer else ""),
             events=self._events,
             doubt=reception.doubt,
-            question=question_of(reception.doubt),
-            last_lines=reception.last_lines,
+            question=reception.question,
+            reading=reception.axis_units.said if reception.axis_units else {},
+            last_lines=reception.detector.last_lines,
         )
 
     def _now(self, now: float) -> tuple[str, str]:
@@ -315,8 +315,8 @@ class Source:
             now, self._reception, is_serial=self.address.startswith("serial:")
         ):
             return STALE, f"{why} {remark}".rstrip()
-        if not sum(end) and self._reception.statistics.bytes:
-            why = " ".join((self._reception.evidence, *self._reception.positions)).strip()
+        if not sum(end) and self._reception.detector.statistics.bytes:
+            why = " ".join((self._reception.detector.evidence, *self._reception.fixes.positions)).strip()
             return STREAMING, why or "Bytes come; no sample is complete yet."
         return STREAMING, f"{self._why} {remark}".rstrip()
 
@@ -441,7 +441,7 @@ class Source:
                     self._set(STREAMING, "Streaming.")
             else:
                 self._first_bytes.add(chunk)
-                self._progress.without(self._heard, self._reception.statistics.frames)
+                self._progress.without(self._heard, self._reception.detector.statistics.frames)
 
     def _record(self, chunk: Chunk) -> None:
         self._keep(lambda: self._writer.accept(chunk) if self._writer else None)
@@ -482,7 +482,7 @@ class Source:
         self._set(LOST, f"{'Lost' if self._reached else 'Not reached'}: {why}; {again}", reported=first)
 
     def _tell_of_the_clock(self) -> None:
-        for event in self._reception.watch.new_events():
+        for event in self._reception.imu.watch.new_events():
             self._happened(event.text)
 
     def _happened(self, text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -87,6 +88,8 @@ class Status:
         Units that the angular rates may have, the one that is used first; empty where it is known.
     question : str
         The doubt in a sentence, with how it ends; empty without one.
+    reading : mapping of str to str
+        Columns by their number that the samples bear out in place of those in use; empty if these are right.
     last_lines : tuple of str
         The last lines of text whose columns are not recognised.
     """
@@ -117,6 +120,7 @@ class Status:
     events: tuple[Event, ...] = ()
     doubt: tuple[str, ...] = ()
     question: str = ""
+    reading: Mapping[str, str] = field(default_factory=dict)
     last_lines: tuple[str, ...] = ()
 
 

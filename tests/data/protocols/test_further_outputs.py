@@ -53,7 +53,7 @@ def test_a_stream_has_the_values_that_were_printed(name):
     if np.isfinite(form.begin):
         np.testing.assert_allclose(np.diff(imu["time"]), 1 / RATE, atol=2e-4)
     else:
-        assert "by the number of samples" in reception.timing
+        assert "by the number of samples" in reception.imu.timing
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -74,8 +74,11 @@ def test_angles_and_quaternions_are_no_imu_and_their_lines_are_shown(name):
     assert not recognise(NOTHING[name].encode()[:16_000])
     imu, reception, _ = received(NOTHING[name])
     assert not len(imu)
-    assert not reception.protocol
-    assert reception.last_lines == tuple(NOTHING[name].splitlines()[-4:-1]) or len(reception.last_lines) == 3
+    assert not reception.detector.protocol
+    assert (
+        reception.detector.last_lines == tuple(NOTHING[name].splitlines()[-4:-1])
+        or len(reception.detector.last_lines) == 3
+    )
     assert "recognised in" in reception.described
 
 

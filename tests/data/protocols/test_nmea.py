@@ -208,7 +208,7 @@ def test_positions_that_are_no_measurement_are_counted_and_kept_only_when_asked(
     assert any(reason.startswith("5 of 92 positions are kept") for reason in kept.report.reasons)
     reception = Reception("nmea")
     assert len(reception.accept(Chunk(0.0, path.read_bytes()))[1]) == 80
-    assert [text.split()[0] for text in reception.positions] == ["5", "3", "4"]
+    assert [text.split()[0] for text in reception.fixes.positions] == ["5", "3", "4"]
 
 
 @pytest.fixture(params=["made here", "the case"])

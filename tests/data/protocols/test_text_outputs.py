@@ -113,7 +113,7 @@ def test_slow_devices_are_recognised_after_four_samples_despite_what_they_say_fi
     reception.accept(Chunk(0.0, head.encode()))
     for number, sample in enumerate(samples[:8]):
         came += len(reception.accept(Chunk(0.5 * number, f"Acceleration X{sample}".encode()))[0])
-    assert reception.protocol == "text"
+    assert reception.detector.protocol == "text"
 
 
 def with_positions() -> tuple[str, np.ndarray]:

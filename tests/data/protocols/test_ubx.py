@@ -293,7 +293,7 @@ def test_fixes_of_nav_pvt_that_are_none_are_left_out_with_the_reason(file, lost,
     assert kinds.tolist() == 10 * [3] + 2 * [kind] + 10 * [3]
     reception = Reception("ublox")
     assert len(reception.accept(Chunk(0.0, data))[1]) == 20
-    assert len(reception.positions) == (kind < 0)
+    assert len(reception.fixes.positions) == (kind < 0)
 
 
 def test_dead_reckoning_beside_satellites_is_used_and_named(file):

@@ -45,7 +45,7 @@ def capture(tmp_path):
 @pytest.mark.parametrize("protocol", WITH_CLOCK)
 def test_samples_come_at_the_times_that_are_in_them(capture, protocol):
     found = recorded_samples(capture(protocol))
-    assert found.reception.protocol == protocol
+    assert found.reception.detector.protocol == protocol
     assert len(found.imu) > 0.99 * COUNT
     steps = np.diff(found.imu["time"])
     assert np.median(steps) == pytest.approx(1 / RATE, rel=1e-3)

@@ -57,7 +57,7 @@ def test_a_clock_that_is_set_is_one_event_with_its_size(device: str, step: float
     assert len(imu) == COUNT  # none is lost
     assert np.abs(np.diff(imu["time"]) - 1 / RATE).max() < 1e-3  # as they arrived
     assert np.allclose(imu["rate"], motion(COUNT)["rate"], atol=0.01)  # in order
-    (event,) = reception.watch.events
+    (event,) = reception.imu.watch.events
     assert event.size == pytest.approx(step, abs=1e-3)
     words = "forward by" if step > 0 else "began anew" if step < -3601 else "back by"
     assert words in event.text
@@ -69,7 +69,7 @@ def test_a_clock_that_is_set_is_one_event_with_its_size(device: str, step: float
 def test_a_counter_of_32_bits_that_turns_over_is_called_so(device: str) -> None:
     turn = 2**32 * 1e-6
     reception, imu = received(device, stream(device, (TRUE - BEGIN - 3.0) % turn))
-    (event,) = reception.watch.events
+    (event,) = reception.imu.watch.events
     assert "turned over" in event.text
     assert "32 bits of microseconds" in event.text
     assert len(imu) == COUNT
@@ -84,25 +84,25 @@ def test_a_useless_clock_is_one_event_and_samples_are_timed_by_number(device: st
     reception, imu = received(device, stream(device, times))
     assert len(imu) == COUNT
     assert np.abs(np.diff(imu["time"]) - 1 / RATE).max() < 1e-3
-    (event,) = reception.watch.events
+    (event,) = reception.imu.watch.events
     assert words in event.text
-    assert reception.timing == "by the number of samples at 100 Hz, measured"
+    assert reception.imu.timing == "by the number of samples at 100 Hz, measured"
 
 
 def test_time_stamps_that_are_rounded_from_the_beginning_lose_no_sample() -> None:
     reception, imu = received("vectornav", stream("vectornav", np.floor(10 * TRUE) / 10))
     assert len(imu) == COUNT
     assert np.abs(np.diff(imu["time"])[20:] - 1 / RATE).max() < 2e-3
-    assert len(reception.watch.events) == 1
+    assert len(reception.imu.watch.events) == 1
 
 
 def test_a_clock_that_runs_evenly_again_is_used_again() -> None:
     times = set_by(0.0)
     times[AT : AT + 50] = TRUE[AT]
     reception, imu = received("vectornav", stream("vectornav", times))
-    assert ["repeats" in event.text for event in reception.watch.events] == [True, False]
-    assert "evenly again" in reception.watch.events[-1].text
-    assert reception.timing == "by the clock of the device"
+    assert ["repeats" in event.text for event in reception.imu.watch.events] == [True, False]
+    assert "evenly again" in reception.imu.watch.events[-1].text
+    assert reception.imu.timing == "by the clock of the device"
     assert LIMITS.even + 50 < COUNT - AT
     assert len(imu) == COUNT
     assert np.abs(np.diff(imu["time"]) - 1 / RATE).max() < 5e-3
@@ -116,7 +116,7 @@ def test_a_silence_in_which_the_clock_was_set_lasts_as_the_arrivals_show(step: f
     assert steps[AT - 1] == pytest.approx(3.0 + 1 / RATE, abs=0.02)
     assert np.abs(np.delete(steps, AT - 1) - 1 / RATE).max() < 1e-3
     assert imu["gap"][AT]
-    (event,) = reception.watch.events
+    (event,) = reception.imu.watch.events
     assert event.size == pytest.approx(step, abs=0.02)
 
 

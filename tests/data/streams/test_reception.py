@@ -51,17 +51,17 @@ def test_every_device_is_recognised_and_timed(device: str, known: bool) -> None:
     sent = motion(1500)
     reception = Reception(device if known else "")
     imu, _ = received(reception, chunks(device, sent))
-    assert reception.protocol == device
+    assert reception.detector.protocol == device
     assert len(imu) >= len(sent) - (3 if device == "text" else 1)
     true = HOST + sent["time"][-len(imu) :] - 7.0
     error = imu["time"] - true
     assert np.abs(error[800:] - 1e-3).max() < 2e-3  # the delay of 1 ms cannot be told from the offset
     assert (np.diff(imu["time"]) > 0).all()
     assert not imu["gap"][1:].any()
-    assert reception.timing
+    assert reception.imu.timing
     assert np.abs(imu["rate"] - sent["rate"][-len(imu) :]).max() < 0.01
     if not known:
-        assert "frames" in reception.evidence or "lines" in reception.evidence
+        assert "frames" in reception.detector.evidence or "lines" in reception.detector.evidence
 
 
 @pytest.mark.parametrize("device", ["vectornav", "xsens", "mip", "ublox", "mavlink", "text"])
@@ -78,7 +78,7 @@ def test_a_datagram_that_a_network_delivers_twice_is_used_once(device: str, apar
     imu, _ = received(reception, stream)
     assert len(imu) == len(sent)
     assert np.abs(imu["rate"] - sent["rate"]).max() < 0.01
-    assert reception.watch.repeated == 5 * (len(stream) - 300)
+    assert reception.imu.watch.repeated == 5 * (len(stream) - 300)
     assert (reception.loss.jumps, reception.loss.missing) == (0, 0)
     true = HOST + sent["time"] - 7.0
     assert np.abs(imu["time"] - true)[800:].max() < 0.06  # 40 ms until a datagram of five is complete
@@ -137,8 +137,8 @@ def test_samples_are_counted_where_the_device_has_no_clock() -> None:
     columns = "rate_x[rad/s],rate_y[rad/s],rate_z[rad/s],force_x[m/s²],force_y[m/s²],force_z[m/s²]"
     reception = Reception(columns=columns)
     imu, _ = received(reception, lines)
-    assert reception.rate == 100.0
-    assert reception.timing == "by the number of samples at 100 Hz, measured"
+    assert reception.imu.rate == 100.0
+    assert reception.imu.timing == "by the number of samples at 100 Hz, measured"
     assert len(imu) >= 1998
     assert np.abs(np.diff(imu["time"]) - 0.01).max() < 1e-4
     given = Reception(columns=columns, rate=100.0)
@@ -215,7 +215,7 @@ def test_the_axes_may_change_while_it_streams() -> None:
     stream = chunks("vectornav", sent)
     reception = Reception("vectornav")
     before = [reception.accept(chunk)[0] for chunk in stream[:200]]
-    reception.axes = AxisMap.of("y,x,-z")
+    reception.rows.axes = AxisMap.of("y,x,-z")
     after = [reception.accept(chunk)[0] for chunk in stream[200:]]
     imu = np.concatenate(before + after)
     assert np.allclose(imu["force"][:200], sent["force"][:200], atol=1e-3)
@@ -285,7 +285,7 @@ def test_a_counter_that_stands_still_is_none() -> None:
     reception = Reception("text")
     reception._detector.decoder = Told([row[None] for row in sent])
     imu = np.concatenate([reception.accept(Chunk(HOST + 0.01 * k, b"x"))[0] for k in range(len(sent))])
-    assert reception.timing == "by the number of samples at 100 Hz, measured"
+    assert reception.imu.timing == "by the number of samples at 100 Hz, measured"
     assert len(imu) == len(sent)
 
 
@@ -295,8 +295,8 @@ def test_noise_says_that_nothing_is_recognised() -> None:
     for k in range(200):
         imu, fix = reception.accept(Chunk(HOST + 0.05 * k, rng.bytes(1000)))
         assert not len(imu) + len(fix)
-    assert "Nothing is recognised" in reception.evidence
-    assert reception.statistics.bytes == 200_000
+    assert "Nothing is recognised" in reception.detector.evidence
+    assert reception.detector.statistics.bytes == 200_000
 
 
 def test_a_protocol_is_found_after_noise() -> None:
@@ -304,7 +304,7 @@ def test_a_protocol_is_found_after_noise() -> None:
     noise = [Chunk(HOST - 20 + 0.05 * k, rng.bytes(1000)) for k in range(400)]
     reception = Reception()
     imu, _ = received(reception, noise + chunks("vectornav", motion(1500)))
-    assert reception.protocol == "vectornav"
+    assert reception.detector.protocol == "vectornav"
     assert len(imu) > 1000
 
 

@@ -82,8 +82,9 @@ def test_the_first_turn_decides_whatever_was_assumed(unit, turn, assumed):
     reception.answer(assumed)
     # As if the guess had been this one.
     reception._detector.decoder._scale(
-        reception.columns.__class__(
-            reception.columns.columns, doubt=(reception.columns.columns[5].unit, "rad/s", "°/s")
+        reception.detector.columns.__class__(
+            reception.detector.columns.columns,
+            doubt=(reception.detector.columns.columns[5].unit, "rad/s", "°/s"),
         )
     )
     rates = np.vstack((rates * reception.taken_factor(), received(chunks[200:], reception)))
@@ -101,7 +102,7 @@ def test_counts_are_decided_among_the_ranges_of_the_sensor():
     reception = Reception(rate=RATE)
     chunks = [Chunk(k / RATE, f"{line}\n".encode()) for k, line in enumerate(lines)]
     rates = received(chunks, reception)
-    assert str(reception.columns).count("°/s/32.8") == 3
+    assert str(reception.detector.columns).count("°/s/32.8") == 3
     np.testing.assert_allclose(rates[-100:], rate[-100:], atol=np.radians(0.6 / 32.8))
 
 

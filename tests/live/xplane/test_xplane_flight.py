@@ -150,7 +150,7 @@ def test_samples_follow_each_other_and_their_clock_needs_no_correction() -> None
         fixes.append(fix["time"])
     assert np.abs(np.concatenate(timed) - flight.epoch - found.imu["time"]).max() < 1e-8
     assert np.abs(np.concatenate(fixes) - flight.epoch - found.fix["time"]).max() < 1e-8
-    assert abs(reception.clock.drift) < 1e-9
+    assert abs(reception.imu.clock.drift) < 1e-9
 
 
 @pytest.mark.proof
