@@ -28,7 +28,6 @@ from lab.data.files.dataflash_time import MessageTimes
 from lab.data.files.streams import TIME, Messages
 from lab.data.log.filter_log import (
     AXES,
-    MAX_EVENTS,
     MAX_LANES,
     Event,
     FilterLog,
@@ -39,10 +38,11 @@ from lab.data.log.filter_log import (
     changes,
     in_order,
     innovations_of,
-    lasting,
+    lane_changes,
     nearest,
     rejections,
     track_of,
+    while_set,
 )
 
 _OTHERS = ("POS", "MSG", "PARM", "ERR", "XKV1", "GPS")
@@ -132,15 +132,7 @@ def _filter_log(
     own = _of_core(ratios, cores[primary])
     events += _resets(kind, own) + _flagged(kind, own) + _messages(log, times)
     events += [event for one in lanes[primary].innovations for event in rejections(one, kind.name)]
-    return FilterLog(
-        str(path),
-        kind.name,
-        tuple(lanes),
-        primary,
-        tuple(sorted(events)[:MAX_EVENTS]),
-        _flags(kind, own),
-        float(own[TIME][0]),
-    )
+    return FilterLog.of(path, kind.name, lanes, primary, events, _flags(kind, own), float(own[TIME][0]))
 
 
 def _of_core(messages: Messages, core: float) -> Messages:
@@ -183,10 +175,8 @@ def _innovations(
     measured, fields, root = _MAGNETOMETER
     if {*fields} <= set(values) and root in tested:
         columns, ratio = np.column_stack([values[one] for one in fields]), tested[root][rows] ** 2
-        nothing, source = (
-            np.full(columns.shape, np.nan),
-            f"{kind.innovations}.{fields[0]}, {kind.ratios}.{root}",
-        )
+        nothing = np.full(columns.shape, np.nan)
+        source = f"{kind.innovations}.{fields[0]}, {kind.ratios}.{root}"
         if columns.any():
             found.append(Innovations(*measured, time, columns, nothing, nothing[:, 0], ratio, source))
     return found
@@ -229,15 +219,7 @@ def _selected(kind: _Kind, ratios: Messages, cores: list[int]) -> tuple[int, lis
         return 0, []
     rows = ratios["C"] == cores[0] if "C" in ratios else slice(None)
     time, chosen = ratios[TIME][rows], chosen[rows]
-    events = [
-        Event(
-            at,
-            "lane",
-            f"The autopilot changed from core {before:.0f} to core {after:.0f} of {kind.name} at {at:.1f} s.",
-            f"{kind.ratios}.PI",
-        )
-        for at, before, after in changes(time, chosen)
-    ]
+    events = lane_changes(time, chosen, "core", kind.name, f"{kind.ratios}.PI")
     return int(np.argmax([np.sum(chosen == core) for core in cores])), events
 
 
@@ -245,15 +227,8 @@ def _resets(kind: _Kind, own: Messages) -> list[Event]:
     if not {"OFN", "OFE"} <= set(own):
         return []
     found = {at for field in ("OFN", "OFE") for at, _, _ in changes(own[TIME], own[field])}
-    return [
-        Event(
-            at,
-            "reset",
-            f"{kind.name} reset the horizontal position at {at:.1f} s.",
-            f"{kind.ratios}.OFN, OFE",
-        )
-        for at in sorted(found)
-    ]
+    text, source = f"{kind.name} reset the horizontal position at {{:.1f}} s.", f"{kind.ratios}.OFN, OFE"
+    return [Event(at, "reset", text.format(at), source) for at in sorted(found)]
 
 
 def _flagged(kind: _Kind, own: Messages) -> list[Event]:
@@ -266,12 +241,11 @@ def _flagged(kind: _Kind, own: Messages) -> list[Event]:
             continue
         states = np.nan_to_num(own[field]).astype(np.int64)
         for bit, what in enumerate(bits):
-            for first, last in lasting((states & (1 << bit)) != 0):
-                if what == _STARTING and first == 0:
-                    continue
-                begin, end = own[TIME][first], own[TIME][last]
-                text = f"{kind.name} {said.format(what=what)} from {begin:.1f} s to {end:.1f} s."
-                events.append(Event(float(begin), event, text, f"{kind.ratios}.{field} bit {bit}"))
+            is_set = (states & (1 << bit)) != 0
+            if what == _STARTING:  # which it says until it has begun
+                is_set &= np.logical_or.accumulate(~is_set)
+            text, source = f"{kind.name} {said.format(what=what)}", f"{kind.ratios}.{field} bit {bit}"
+            events += while_set(own[TIME], is_set, event, text, source)
     return events
 
 
@@ -282,9 +256,8 @@ def _messages(log: Log, times: MessageTimes) -> list[Event]:
     if said is not None and len(texts) == len(said[TIME]):
         for at, text in zip(said[TIME].tolist(), texts, strict=True):
             if any(word in text for word in _WORDS):
-                events.append(
-                    Event(at, "message", f"The autopilot reported at {at:.1f} s: {_plain(text)}", "MSG")
-                )
+                words = "".join(filter(str.isprintable, text))
+                events.append(Event(at, "message", f"The autopilot reported at {at:.1f} s: {words}", "MSG"))
     errors = times.of("ERR")
     if errors is not None and {"Subsys", "ECode"} <= set(errors):
         for at, system, code in zip(errors[TIME], errors["Subsys"], errors["ECode"], strict=True):
@@ -293,10 +266,6 @@ def _messages(log: Log, times: MessageTimes) -> list[Event]:
                 text = f"The autopilot reported an error of the {name}, code {code:.0f}, at {at:.1f} s."
                 events.append(Event(float(at), "fault", text, "ERR"))
     return events
-
-
-def _plain(text: str) -> str:
-    return "".join(letter for letter in text if letter.isprintable())
 
 
 def _flags(kind: _Kind, own: Messages) -> str:

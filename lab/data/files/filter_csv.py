@@ -23,7 +23,6 @@ from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES, MAX_HEADER_LINE, Column, read_columns
 from lab.data.log.filter_log import (
-    MAX_EVENTS,
     FilterLog,
     Innovations,
     Lane,
@@ -110,7 +109,7 @@ def read(path: Path) -> FilterLog:
     if tested.size:
         flags = f"Test ratios above 1 in {100 * np.mean(tested > 1):.2g} % of the innovations."
     start = float(values[time][0])
-    return FilterLog(str(path), "a filter", (lane,), 0, tuple(sorted(events)[:MAX_EVENTS]), flags, start)
+    return FilterLog.of(path, "a filter", (lane,), 0, events, flags, start)
 
 
 def _header(path: Path) -> list[str]:

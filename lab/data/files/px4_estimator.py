@@ -27,7 +27,6 @@ from lab.data.files.ulog import TopicRows, opened
 from lab.data.files.ulog_file import ULogFile
 from lab.data.log.filter_log import (
     AXES,
-    MAX_EVENTS,
     MAX_LANES,
     Event,
     FilterLog,
@@ -37,10 +36,11 @@ from lab.data.log.filter_log import (
     Track,
     changes,
     innovations_of,
-    lasting,
+    lane_changes,
     nearest,
     rejections,
     track_of,
+    while_set,
 )
 
 NAME = "PX4 EKF2"
@@ -142,15 +142,8 @@ def read(path: Path) -> FilterLog:
         lanes[primary] = replace(lanes[primary], track=selected)
     events = [*switches, *_resets(log, number), *_faults(log, number)]
     events += [event for one in lanes[primary].innovations for event in rejections(one, "EKF2")]
-    return FilterLog(
-        str(path),
-        NAME,
-        tuple(lanes),
-        primary,
-        tuple(sorted(events)[:MAX_EVENTS]),
-        _flags(log, number),
-        _fusing(log, number),
-    )
+    flags, fusing = _flags(log, number), _fusing(log, number)
+    return FilterLog.of(path, NAME, lanes, primary, events, flags, fusing)
 
 
 def _topic(log: ULogFile, name: str, number: int | None = None) -> Messages | None:
@@ -261,16 +254,7 @@ def _selected(log: ULogFile, numbers: list[int]) -> tuple[int, list[Event]]:
         return 0, []
     time, chosen = selector[TIME], selector["primary_instance"]
     counts = [int(np.sum(chosen == number)) for number in numbers]
-    events = [
-        Event(
-            at,
-            "lane",
-            f"The autopilot changed from instance {before:.0f} to instance {after:.0f} of EKF2 at {at:.1f} "
-            "s.",
-            f"{_SELECTOR}.primary_instance",
-        )
-        for at, before, after in changes(time, chosen)
-    ]
+    events = lane_changes(time, chosen, "instance", "EKF2", f"{_SELECTOR}.primary_instance")
     return int(np.argmax(counts)), events
 
 
@@ -297,25 +281,18 @@ def _faults(log: ULogFile, number: int) -> list[Event]:
     names = [] if flags is None else [name for name in flags if name.startswith("fs_")]
     for name in (one for one in names if not one.startswith(_OF_ACCELEROMETERS)):
         assert flags is not None
-        events += _while_set(flags[TIME], flags[name] != 0, "fault", f"EKF2 reported {name}", _FLAGS)
+        events += while_set(flags[TIME], flags[name] != 0, "fault", f"EKF2 reported {name}", _FLAGS)
     status = _topic(log, _STATUS, number)
     if not names and status is not None and "filter_fault_flags" in status:
         is_set = (status["filter_fault_flags"].astype(np.int64) & _NUMERICAL) != 0
         source = f"{_STATUS}.filter_fault_flags"
-        events += _while_set(status[TIME], is_set, "fault", "EKF2 reported a numerical fault", source)
+        events += while_set(status[TIME], is_set, "fault", "EKF2 reported a numerical fault", source)
     if flags is not None and "cs_inertial_dead_reckoning" in flags:
-        events += _while_set(
+        events += while_set(
             flags[TIME], flags["cs_inertial_dead_reckoning"] != 0, "timeout",
             "EKF2 navigated without any fix (dead reckoning)", f"{_FLAGS}.cs_inertial_dead_reckoning",
         )  # fmt: skip
     return events
-
-
-def _while_set(time: FloatArray, is_set: Flags, kind: str, text: str, source: str) -> list[Event]:
-    return [
-        Event(float(time[first]), kind, f"{text} from {time[first]:.1f} s to {time[last]:.1f} s.", source)
-        for first, last in lasting(np.asarray(is_set))
-    ]
 
 
 def _flags(log: ULogFile, number: int) -> str:
@@ -332,8 +309,6 @@ def _flags(log: ULogFile, number: int) -> str:
     if status is not None and "innovation_check_flags" in status:
         checked = status["innovation_check_flags"]
         part = float(np.mean(checked != 0))
-        said_too = (
-            "nothing rejected" if not part else f"a measurement rejected {100 * part:.2g} % of the time"
-        )
-        return f"{_STATUS}.innovation_check_flags: {said_too}."
+        rejected = f"a measurement rejected {100 * part:.2g} % of the time"
+        return f"{_STATUS}.innovation_check_flags: {rejected if part else 'nothing rejected'}."
     return "The log has no flags of the estimator."

@@ -7,7 +7,9 @@ that rows which repeat the row before are dropped, and rows without a variance w
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -187,6 +189,21 @@ class FilterLog:
     flags: str = ""
     fusing: float = -np.inf
 
+    @classmethod
+    def of(
+        cls,
+        path: Path,
+        name: str,
+        lanes: Sequence[Lane],
+        primary: int,
+        events: Iterable[Event],
+        flags: str,
+        fusing: float,
+    ) -> FilterLog:
+        """Return what the filter of a file says, with its first events in order."""
+        first = tuple(sorted(events)[:MAX_EVENTS])
+        return cls(str(path), name, tuple(lanes), primary, first, flags, fusing)
+
     @property
     def lane(self) -> Lane:
         """The lane whose solution was used most of the time."""
@@ -275,6 +292,21 @@ def rejections(one: Innovations, lane: str) -> list[Event]:
         )
         found.append(Event(float(begin), "rejected", text, f"test ratio of {one.source} above 1"))
     return found
+
+
+def while_set(time: FloatArray, is_set: Flags, kind: str, text: str, source: str) -> list[Event]:
+    """Return an event for each time that a flag (n,) is set; the text goes on with when that is."""
+    return [
+        Event(float(time[first]), kind, f"{text} from {time[first]:.1f} s to {time[last]:.1f} s.", source)
+        for first, last in lasting(is_set)
+    ]
+
+
+def lane_changes(time: FloatArray, chosen: FloatArray, lane: str, name: str, source: str) -> list[Event]:
+    """Return an event for each change from one lane of an autopilot's filter to another."""
+    text = f"The autopilot changed from {lane} {{:.0f}} to {lane} {{:.0f}} of {name} at {{:.1f}} s."
+    found = changes(time, chosen)
+    return [Event(at, "lane", text.format(before, after, at), source) for at, before, after in found]
 
 
 def in_order(time: FloatArray) -> IntArray:

@@ -63,38 +63,26 @@ def _object(**properties: Any) -> dict[str, Any]:
     return {"type": "object", "properties": properties}
 
 
+_LOCATION: Final = _object(
+    timestamp=_TIME,
+    frame_id={"type": "string"},
+    latitude=_NUMBER,
+    longitude=_NUMBER,
+    altitude=_NUMBER,
+    position_covariance={"type": "array", "items": _NUMBER, "minItems": 9, "maxItems": 9},
+    position_covariance_type={"type": "integer"},
+)
+_TRANSFORM: Final = _object(
+    timestamp=_TIME,
+    parent_frame_id={"type": "string"},
+    child_frame_id={"type": "string"},
+    translation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
+    rotation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
+)
 CHANNELS: Final = (
     Channel(1, "/ins_lab/solution", "ins_lab.Solution", json.dumps({"type": "object"})),
-    Channel(
-        2,
-        "/ins_lab/location",
-        "foxglove.LocationFix",
-        json.dumps(
-            _object(
-                timestamp=_TIME,
-                frame_id={"type": "string"},
-                latitude=_NUMBER,
-                longitude=_NUMBER,
-                altitude=_NUMBER,
-                position_covariance={"type": "array", "items": _NUMBER, "minItems": 9, "maxItems": 9},
-                position_covariance_type={"type": "integer"},
-            )
-        ),
-    ),
-    Channel(
-        3,
-        "/tf",
-        "foxglove.FrameTransform",
-        json.dumps(
-            _object(
-                timestamp=_TIME,
-                parent_frame_id={"type": "string"},
-                child_frame_id={"type": "string"},
-                translation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
-                rotation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
-            )
-        ),
-    ),
+    Channel(2, "/ins_lab/location", "foxglove.LocationFix", json.dumps(_LOCATION)),
+    Channel(3, "/tf", "foxglove.FrameTransform", json.dumps(_TRANSFORM)),
 )
 """What is offered: the row as in lines of JSON, the position for a map, and the attitude for a scene."""
 

@@ -172,14 +172,8 @@ class MipEncoder(HeadingEncoder):
     def _fix(self, row: np.void) -> bytes:
         fix = sent_fix(row)
         valid = _ALL if fix.kind > NO_FIX else 0
-        place = (
-            fix.latitude,
-            fix.longitude,
-            fix.height,
-            fix.height,
-            fix.horizontal_sigma,
-            fix.vertical_sigma,
-        )
+        place = (fix.latitude, fix.longitude, fix.height, fix.height)
+        sigma = (fix.horizontal_sigma, fix.vertical_sigma)
         speeds = (math.hypot(*fix.velocity_n), fix.speed, fix.course, fix.speed_sigma, 0.0)
         return _packet(
             GNSS[0],
@@ -187,7 +181,7 @@ class MipEncoder(HeadingEncoder):
                 (REFERENCE_TIME, struct.pack(">Q", nanoseconds(row["time"]))),
                 (GNSS_TIME, struct.pack(">dHH", fix.week_time, 0, 1)),
                 (FIX_INFO, struct.pack(">BBHH", _FIX_NUMBERS.get(fix.kind, _NONE), fix.satellites, 0, 7)),
-                (PLACE, struct.pack(">4d2fH", *place, valid)),
+                (PLACE, struct.pack(">4d2fH", *place, *sigma, valid)),
                 (VELOCITY, struct.pack(">8fH", *fix.velocity_n, *speeds, valid)),
             ],
         )

@@ -37,7 +37,7 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.data.protocols.sending import MOST_SATELLITES, FrameEncoder, sent_fix, vector, whole
+from lab.data.protocols.sending import MOST_SATELLITES, FrameEncoder, known, sent_fix, vector, whole
 
 _LONG, _SHORT = b"\xaaD\x12", b"\xaaD\x13"
 """Sync of binary messages."""
@@ -245,8 +245,8 @@ def _binary(frame: bytes) -> tuple[str, float, list[float]]:
     if not name or len(frame) - begin - _CHECK < _MESSAGES[name].fields.size:
         return "", NAN, []
     values = _MESSAGES[name].fields.unpack_from(frame, begin)
-    known = [NAN if isinstance(one, bytes) or not math.isfinite(one) else one for one in values]
-    return name, _time(week, 1e-3 * milliseconds), known
+    finite = [NAN if isinstance(one, bytes) or not math.isfinite(one) else one for one in values]
+    return name, _time(week, 1e-3 * milliseconds), finite
 
 
 def _line(frame: bytes) -> tuple[str, float, list[float]]:
@@ -264,9 +264,9 @@ def _line(frame: bytes) -> tuple[str, float, list[float]]:
 
 
 def _number(cell: str) -> float:
-    known = _SOLUTIONS.get(cell, _TYPES.get(cell))
-    if known is not None:
-        return known
+    code = _SOLUTIONS.get(cell, _TYPES.get(cell))
+    if code is not None:
+        return code
     try:
         value = float(cell)
     except ValueError:
@@ -300,11 +300,9 @@ class NovAtelEncoder(FrameEncoder):
 
     def _fix(self, row: np.void) -> bytes:
         fix = sent_fix(row)
-        kind = next((number for number, known in _KINDS.items() if known == fix.kind), 16)
+        kind = next((number for number, one in _KINDS.items() if one == fix.kind), 16)
         state, kind = (0, int(kind)) if fix.kind > NO_FIX else (1, 0)
-        week, seconds = (
-            divmod(max(float(row["time"]), 0.0), WEEK) if math.isfinite(row["time"]) else (0.0, 0.0)
-        )
+        week, seconds = divmod(max(known(row, "time")[0], 0.0), WEEK)
         place = (fix.latitude, fix.longitude, fix.height, 0.0, 61)
         sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma)
         bodies = {
@@ -315,28 +313,12 @@ class NovAtelEncoder(FrameEncoder):
                 state, kind, 0.0, 0.0, fix.speed, fix.course, -fix.velocity_n[2]
             ).ljust(44, b"\0"),
         }  # fmt: skip
-        return b"".join(
-            _summed(
-                _LONG_HEADER.pack(
-                    _LONG,
-                    _LONG_HEAD,
-                    number,
-                    0,
-                    32,
-                    len(body),
-                    0,
-                    0,
-                    180,
-                    int(week),
-                    round(1e3 * seconds),
-                    0,
-                    0,
-                    0,
-                )
-                + body
-            )
-            for number, body in bodies.items()
-        )
+        frames, stamp = b"", (int(week), round(1e3 * seconds))
+        for number, body in bodies.items():
+            size = len(body)
+            head = _LONG_HEADER.pack(_LONG, _LONG_HEAD, number, 0, 32, size, 0, 0, 180, *stamp, 0, 0, 0)
+            frames += _summed(head + body)
+        return frames
 
 
 def _summed(message: bytes) -> bytes:
