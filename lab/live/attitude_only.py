@@ -164,13 +164,17 @@ class AttitudeOnly:
         assert self._run is not None
         return *shown(self._run.state), self._run.state[_BIAS]
 
+    @property
+    def _where(self) -> FloatArray:
+        """The place, or the one taken while it is unknown."""
+        return SOMEWHERE if self.place is None else self.place
+
     def reachable(self) -> float:
         """Return the σ of the heading that the gyros can reach by the Earth's rate [rad]; infinite at a pole.
 
         Their turn-on bias looks like the rate of another heading: only its σ and the latitude count.
         """
-        latitude = SOMEWHERE[0] if self.place is None else float(self.place[0])
-        level_rate = earth.RATE * np.cos(latitude)
+        level_rate = earth.RATE * float(np.cos(self._where[0]))
         sigma = float(np.sqrt(np.diag(self.assumed.P0)[GYRO_BIAS].max()))
         return sigma / level_rate if level_rate > 0 else float(np.inf)
 
@@ -257,8 +261,7 @@ class AttitudeOnly:
         P = self.P
         P[:6, :] = P[:, :6] = 0.0
         P[POS, POS] = P[VEL, VEL] = LOST_SPEED**2 * np.eye(3)
-        place = SOMEWHERE if self.place is None else self.place
-        self._begin(self._now()._replace(position=place, P=P))
+        self._begin(self._now()._replace(position=self._where, P=P))
 
     def _judge(self, end: int) -> None:
         """Decide whether the second that ends with a sample was still, and update with the rest so far."""
@@ -336,9 +339,8 @@ class AttitudeOnly:
         P[POS, POS] = START_POSITION**2 * np.eye(3)
         P[VEL, VEL] = REST_VELOCITY**2 * np.eye(3)
         self.rest += SPAN if self.rest else length
-        place = SOMEWHERE if self.place is None else self.place
-        self.rest_place = place
-        self._begin(found._replace(time=now, position=place, P=P))
+        self.rest_place = self._where
+        self._begin(found._replace(time=now, position=self._where, P=P))
         self._at = end
         if length >= (LONGEST_SEARCH if searching else LONGEST_MEAN):
             self._anchor = self._now()
@@ -359,7 +361,6 @@ class AttitudeOnly:
         The tilt is found anew. What looked like an accelerometer bias in the attitude of the last rest was
         in part a scale factor or misalignment, and looks different in this one.
         """
-        place = SOMEWHERE if self.place is None else self.place
         heading, sigma = self._given
         if before is not None:
             heading, sigma = float(euler_from_quaternion(before.q_nb)[2]), float(np.sqrt(before.P[8, 8]))
@@ -374,7 +375,7 @@ class AttitudeOnly:
         if before is not None:
             P[GYRO_BIAS, GYRO_BIAS] = before.P[GYRO_BIAS, GYRO_BIAS]
             bias[:3] = before.bias[:3]
-        return Anchor(time, place.copy(), q_nb, bias, P)
+        return Anchor(time, self._where.copy(), q_nb, bias, P)
 
     def _moves(self, anchor: Anchor, mean: FloatArray, variance: FloatArray) -> str:
         """Return why a still IMU does not rest; empty if it does."""

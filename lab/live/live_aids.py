@@ -121,20 +121,14 @@ class LiveAids:
         if np.isfinite(self.shift):
             shift = f"; heights by pressure are shifted by {self.shift:.0f} m, to the height of the first fix"
         at_start = "used at the start only; sensors.heading.fitted = true with sensors.heading.source = "
+        field = f"a magnetic field that is {at_start}{MAGNETOMETER} uses it on."
+        headings = f"headings that are {at_start}{HEADING} uses them on."
+        compass = self._remark("field", "Magnetometer", "magnetic field", field, " of the heading")
         found = {
             "barometer": self._remark("height", "Barometer", "pressure", after=shift),
-            "magnetometer": self._no_compass
-            or self._remark(
-                "field",
-                "Magnetometer",
-                "magnetic field",
-                f"a magnetic field that is {at_start}{MAGNETOMETER} uses it on.",
-                " of the heading",
-            ),
+            "magnetometer": self._no_compass or compass,
             "odometer": self._remark("speed", "Odometer", "speed"),
-            "headings": self._remark(
-                "heading", "Heading sensor", "heading", f"headings that are {at_start}{HEADING} uses them on."
-            ),
+            "headings": self._remark("heading", "Heading sensor", "heading", headings),
         }
         for aid in (one for one in FURTHER if one.live):
             words = f"{aid.words[0].upper()}{aid.words[1:]}"

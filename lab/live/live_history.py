@@ -87,14 +87,6 @@ class History:
         with np.errstate(invalid="ignore"):
             sigmas = np.sqrt(part["variance"])
         seen = [fixes.rows(name, first, fixes.end).copy() for name in _INNOVATIONS]
-        return HistoryCursor(rows.end, fixes.end), LiveHistory(
-            part["time"],
-            part["phase"],
-            part["position"],
-            part["velocity_n"],
-            euler,
-            sigma,
-            part["bias"],
-            sigmas,
-            *seen,
-        )
+        solution = [part[name] for name in ("time", "phase", "position", "velocity_n")]
+        columns = [*solution, euler, sigma, part["bias"], sigmas, *seen]
+        return HistoryCursor(rows.end, fixes.end), LiveHistory(*columns)

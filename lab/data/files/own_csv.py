@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from lab.base.files.mission_error import MissionError
@@ -44,15 +45,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     recording = read_flight_csv(path)
     return RawFlight(
         format=NAME,
-        time=recording.time,
-        latitude=recording.latitude,
-        longitude=recording.longitude,
-        height=recording.height,
-        velocity_n=recording.velocity_n,
-        euler=recording.euler,
-        airspeed=recording.airspeed,
-        alpha=recording.alpha,
-        beta=recording.beta,
+        **{one.name: getattr(recording, one.name) for one in fields(recording)},
         rows_read=len(recording.time),
         units=tuple(
             ColumnUnit(column.name, _unit(column.name), NAMED)

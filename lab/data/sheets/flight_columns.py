@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -263,15 +264,7 @@ def _in_si(
 
 
 def raw_flight(
-    name: str,
-    columns: Columns,
-    *,
-    time: FloatArray | None = None,
-    velocity_n: FloatArray | None = None,
-    euler: FloatArray | None = None,
-    body_rate: FloatArray | None = None,
-    acceleration_b: FloatArray | None = None,
-    remarks: Sequence[str] = (),
+    name: str, columns: Columns, remarks: Sequence[str] = (), **motion: FloatArray | None
 ) -> RawFlight:
     """Return the flight of an aircraft out of its columns.
 
@@ -281,24 +274,16 @@ def raw_flight(
         Of the format.
     columns
         Whose time, position and air data are taken as they are.
-    time, velocity_n, euler, body_rate, acceleration_b
-        What the format has in another form, as `RawFlight` has it.
     remarks
         Remarks of the reader, put before those of the table.
+    **motion
+        What the format has in another form, as `RawFlight` has it.
     """
+    as_they_are = ("time", "latitude", "longitude", "height", "airspeed", "alpha", "beta")
+    arrays: dict[str, Any] = {key: columns.get(key) for key in as_they_are} | motion
     return RawFlight(
-        format=name,
-        time=columns.values["time"] if time is None else time,
-        latitude=columns.get("latitude"),
-        longitude=columns.get("longitude"),
-        height=columns.get("height"),
-        velocity_n=velocity_n,
-        euler=euler,
-        body_rate=body_rate,
-        acceleration_b=acceleration_b,
-        airspeed=columns.get("airspeed"),
-        alpha=columns.get("alpha"),
-        beta=columns.get("beta"),
+        name,
+        **arrays,
         rows_read=columns.rows_read,
         dropped=columns.dropped,
         units=tuple(columns.units.values()),
