@@ -269,10 +269,7 @@ class LiveAids:
 
 def _append(readings: Rolling, time: FloatArray, **columns: FloatArray) -> None:
     """Append readings (n,) at times (n,) [s] that the filter has not used yet."""
-    start = readings.end
-    readings.extend(time.size)
-    for name, values in (("time", time), ("innovation", np.full(time.size, np.nan)), *columns.items()):
-        readings.rows(name, start, readings.end)[:] = values
+    readings.append(time=time, innovation=np.full(time.size, np.nan), **columns)
 
 
 def _rows(name: str, readings: Rolling, start: int, end: int) -> FloatArray:

@@ -16,10 +16,10 @@ KEPT: Final = 36000
 FIXES_KEPT: Final = 18000
 """Innovations that are kept: half an hour at 10 Hz, in 12 MB."""
 
-_ROWS: Final = {
-    "time": (), "phase": (), "position": (3,), "velocity_n": (3,), "q_nb": (4,), "bias": (6,),
-    "variance": (15,), "covariance": (2, 3),
+_SOLUTION: Final = {
+    "position": (3,), "velocity_n": (3,), "q_nb": (4,), "bias": (6,), "variance": (15,), "covariance": (2, 3),
 }  # fmt: skip
+_ROWS: Final[dict[str, tuple[int, ...]]] = {"time": (), "phase": (), **_SOLUTION}
 """Columns of the history: shape of a row."""
 _INNOVATIONS: Final = {"time": (), "innovation": (6,), "innovation_covariance": (6, 6), "rejected": ()}
 """Columns of the innovations."""
@@ -56,26 +56,18 @@ class History:
         solved = samples.rows("q_nb", start, samples.end).any(axis=1)
         rows = np.flatnonzero((np.diff(step, prepend=step[0] - 1) > 0) & (time >= self._next) & solved)
         self._next = float(np.floor(time[-1] * RATE) + 1) / RATE
-        end = self._rows.end + rows.size
-        self._rows.extend(rows.size)
-        for name in ("position", "velocity_n", "q_nb", "bias", "variance", "covariance"):
-            values = samples.rows(name, start, samples.end)[rows]
-            self._rows.rows(name, end - rows.size, end)[:] = values[:, :15] if name == "variance" else values
-        self._rows.rows("time", end - rows.size, end)[:] = time[rows]
-        self._rows.rows("phase", end - rows.size, end)[:] = phase
+        columns = {name: samples.rows(name, start, samples.end)[rows] for name in _SOLUTION}
+        columns["variance"] = columns["variance"][:, :15]
         if not has_position:
-            for name in ("position", "velocity_n"):
-                self._rows.rows(name, end - rows.size, end)[:] = np.nan
-        self._rows.forget(end - KEPT)
+            columns["position"] = columns["velocity_n"] = np.full((rows.size, 3), np.nan)
+        self._rows.append(time=time[rows], phase=np.full(rows.size, phase), **columns)
+        self._rows.forget(self._rows.end - KEPT)
 
     def add_fixes(self, fixes: Rolling, start: int, end: int, epoch: float) -> None:
         """Keep the innovations of fixes by their numbers; `epoch` as of `add`."""
-        self._fixes.extend(end - start)
-        last = self._fixes.end
-        for name in _INNOVATIONS:
-            self._fixes.rows(name, last - end + start, last)[:] = fixes.rows(name, start, end)
-        self._fixes.rows("time", last - end + start, last)[:] += epoch
-        self._fixes.forget(last - FIXES_KEPT)
+        columns = {name: fixes.rows(name, start, end) for name in _INNOVATIONS}
+        self._fixes.append(**columns | {"time": columns["time"] + epoch})
+        self._fixes.forget(self._fixes.end - FIXES_KEPT)
 
     def since(self, cursor: HistoryCursor) -> tuple[HistoryCursor, LiveHistory]:
         """Return the rows since a cursor that are still kept, and the next cursor."""

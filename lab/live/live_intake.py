@@ -108,12 +108,9 @@ class FixIntake:
             self.utc_offset = float(dated["utc"][-1] - dated["time"][-1])
         gnss = gnss_of(rows)
         start = stream.fixes.end
-        stream.fixes.extend(rows.size)
-        put = stream.fixes.rows
-        put("time", start, stream.fixes.end)[:] = time[good]
-        for name in _COLUMNS[1:]:
-            put(name, start, stream.fixes.end)[:] = getattr(gnss, name)
-        put("measured", start, stream.fixes.end)[:] = 6 - np.isnan(gnss.velocity_n).sum(axis=1)
+        measured = 6 - np.isnan(gnss.velocity_n).sum(axis=1)
+        columns = {name: getattr(gnss, name) for name in _COLUMNS[1:]}
+        stream.fixes.append(time=time[good], measured=measured, **columns)
         self._know(stream, start)
 
     def _know(self, stream: Stream, start: int) -> None:

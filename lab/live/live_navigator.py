@@ -263,13 +263,12 @@ class LiveNavigator:
         if part.begins:
             self._break(float(part.time[0]))
         stream = self._stream
-        before = stream.end
-        stream.samples.extend(part.time.size)
-        put = stream.samples.rows
-        put("time", before, stream.end)[:] = part.time - stream.epoch
-        put("dtheta", before, stream.end)[:] = part.values[:, :3]
-        put("dvelocity", before, stream.end)[:] = part.values[:, 3:]
-        put("magnetic", before, stream.end)[:] = part.magnetic
+        stream.samples.append(
+            time=part.time - stream.epoch,
+            dtheta=part.values[:, :3],
+            dvelocity=part.values[:, 3:],
+            magnetic=part.magnetic,
+        )
         for start, end in part.gaps:
             self._take_gap(start - stream.epoch, end - stream.epoch)
         if part.begins:

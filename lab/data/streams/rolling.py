@@ -71,6 +71,13 @@ class Rolling:
         for values in self._arrays.values():
             values[self.end - count - self._offset : self.end - self._offset] = 0
 
+    def append(self, **columns: NDArray[Any]) -> None:
+        """Append rows (n,) of some columns; the others are zero."""
+        start = self.end
+        self.extend(len(next(iter(columns.values()))))
+        for name, values in columns.items():
+            self.rows(name, start, self.end)[:] = values
+
     def forget(self, before: int) -> None:
         """Forget the rows before a number; a row that was forgotten stays so."""
         self.first = min(max(self.first, before), self.end)

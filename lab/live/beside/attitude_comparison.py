@@ -140,10 +140,7 @@ class AttitudeComparison:
         time = (begin + np.arange(count)) / RATE
         self._next = begin + count
         rows = self._joined(time)
-        start = self._rows.end
-        self._rows.extend(count)
-        self._rows.rows("time", start, self._rows.end)[:] = time
-        self._rows.rows("q_nb", start, self._rows.end)[:] = rows
+        self._rows.append(time=time, q_nb=rows)
         self._rows.forget(self._rows.end - KEPT)
         return time, _euler(rows)
 

@@ -211,10 +211,7 @@ class OwnAlgorithm:
             return
         self._next = float(step[rows[-1]] + 1) / RATE
         with self._lock:
-            start = self._rows.end
-            self._rows.extend(rows.size)
-            self._rows.rows("time", start, self._rows.end)[:] = times[rows]
-            self._rows.rows("q_nb", start, self._rows.end)[:] = q_nb[rows]
+            self._rows.append(time=times[rows], q_nb=q_nb[rows])
             self._rows.forget(self._rows.end - KEPT)
 
     def _slowness(self) -> float:

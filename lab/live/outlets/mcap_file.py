@@ -106,9 +106,8 @@ class McapFile:
         """Write the chunk, its index, and flush both."""
         times = [time for found in self._times.values() for time, _ in found]
         first, last = min(times), max(times)
-        self._span = (
-            (first, last) if self._span is None else (min(self._span[0], first), max(self._span[1], last))
-        )
+        begun, ended = self._span or (first, last)
+        self._span = min(begun, first), max(ended, last)
         records = b"".join(self._parts)
         start = self._at
         head = struct.pack("<QQQI", first, last, len(records), zlib.crc32(records))
