@@ -37,6 +37,24 @@
     return pulled;
   };
 
+  // The server describes each component that it knows, 160 of them, before the page, which has 20. Bokeh makes a class of
+  // each at once; here a class is made once something is of it.
+  const {Deserializer} = Bokeh.require("core/serialization/deserializer");
+  const {ModelResolver} = Bokeh.require("core/resolvers");
+  const decode = original(Deserializer, "decode");
+  Deserializer.prototype.decode = function(part, buffers) {
+    if (!Array.isArray(part) || part[0]?.type !== "model") { return decode.call(this, part, buffers); }
+    this.resolver.described = new Map(part.map((kind) => [kind.name, () => decode.call(this, kind, buffers)]));
+    return [];
+  };
+  const find_class = original(ModelResolver, "get");
+  ModelResolver.prototype.get = function(name) {
+    const make = this.described?.get(name);
+    this.described?.delete(name);
+    make?.();
+    return find_class.call(this, name);
+  };
+
   // Bokeh asks the browser for a variable --bk-… for each colour, width and font of each part of a plot, at every
   // repaint. No style sheet of the laboratory sets one.
   original(VisualProperties, "_get_css_value");

@@ -135,3 +135,22 @@ def test_a_page_loads_the_code_of_its_components_once_and_none_that_it_does_not_
         "performance.getEntriesByType('navigation')[0].domContentLoadedEventStart"
     )
     assert not {"es-module-shims.min.js", "bokeh-gl.min.js"} & set(files)
+
+
+CLASSES = """
+async () => {
+  const {resolver} = Bokeh.documents[0], here = (name) => [...resolver._known_models.keys()].includes(name);
+  const waiting = [...resolver.described.keys()], name = waiting.find((one) => one.startsWith("DatePicker"));
+  const begun = [resolver._known_models.size, waiting.length, here(name)];
+  const made = new (resolver.get(name))({value: "2026-01-02"});
+  const again = resolver.get(name) === made.constructor;
+  return [...begun, here(name), made.value, again, resolver.get("NoSuchKind")];
+}
+"""
+"""Counts the classes of components that are made, and makes one more."""
+
+
+def test_a_page_makes_the_classes_of_the_components_that_it_has(shared_page: Page) -> None:
+    made, described, was_there, is_there, value, is_same, none = shared_page.evaluate(CLASSES)
+    assert 10 < made < described
+    assert (was_there, is_there, value, is_same, none) == (False, True, "2026-01-02", True, None)

@@ -47,6 +47,7 @@ with set_curdoc(document):
     page = SimulatorPage()
     page.pages.draw(), page._add_settings(), page._add_files()
     document.add_root(page._frame().get_root(document))
+document.to_json()  # what is remembered of the first page is said of the second
 print(serialize_json(document.to_json(deferred=False)))
 """
 
