@@ -198,7 +198,7 @@ PROGRAMS = {
         ),
     ),
     "ardupilot": Program(
-        "ArduPilot 4.1 to 4.6, EKF3 parameters",
+        "ArduPilot 4.4 to 4.7, EKF3 parameters",
         "https://ardupilot.org/copter/docs/parameters.html#ek3-gyro-p-nse",
         "{name},{value}",
         "#",

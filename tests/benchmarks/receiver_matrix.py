@@ -39,7 +39,7 @@ def main() -> None:
     shared = Path(sys.argv[1] if len(sys.argv) > 1 else "../shared")
     confirmed, following, counted = 0, 0, 0
     print(
-        f"{'receiver':34}{'fixes':>14}{'':>11}{'number':>7}{'claims':>8}{'white':>8}{'slow':>8}{'tau':>6}"
+        f"{'receiver':34}{'fixes':>14}{'':>11}{'number':>7}{'claims':>9}{'white':>9}{'slow':>9}{'tau':>6}"
         f"{'NIS':>6}{'follows':>8}{'before':>8}{'after':>7}"
     )
     with tempfile.TemporaryDirectory() as folder:
@@ -56,7 +56,7 @@ def main() -> None:
                 continue
             for row in found.rows:
                 figures = (
-                    "       -" if math.isnan(one) else f"{one:8.3g}"
+                    "        -" if math.isnan(one) else f" {one:8.3g}"
                     for one in (row.claimed, row.white, row.slow)
                 )
                 tau = "     -" if math.isnan(row.tau) else f"{row.tau:6.0f}"
