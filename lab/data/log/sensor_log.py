@@ -297,6 +297,10 @@ def _usable_fixes(gnss: GnssLog, repairs: list[str]) -> NDArray[np.bool_]:
 
 
 def _check_overlap(name: str, imu: FloatArray, gnss: FloatArray) -> None:
+    if imu.size and not gnss.size:
+        raise MissionError(
+            f"{name}: it has an IMU ({span_text(imu)}) and no fix of a receiver; accepted are both"
+        )
     both = min(imu[-1], gnss[-1]) - max(imu[0], gnss[0]) if imu.size and gnss.size else 0.0
     if both < MIN_OVERLAP:
         raise MissionError(

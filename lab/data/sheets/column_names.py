@@ -86,7 +86,7 @@ _CAMEL_UNIT = re.compile(
     r"MicroT|RadPerSec|DegPerSec|HPa|Hpa|Dps|DPS|E[67])$"
 )
 """A unit as the last word of a heading in capitals, such as ``LatitudeDegrees``."""
-_INDEX = re.compile(r"(?:\[([012])\]|[_.]([012]))$")
+_INDEX = re.compile(r"\[([012])\](?=(?:\s*[(\[][^)\]\d]*[)\]])?$)|[_.]([012])$")
 _QUANTITY_OF_UNIT = {"acceleration": "force", "angular rate": "rate", "magnetic field": "field"}
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _WORD = re.compile(r"[a-zµμ]+|%|\d+")
@@ -267,7 +267,7 @@ def _cut(text: str) -> tuple[str, str, str]:
     """Cut a heading into words, axis and unit."""
     stem, axis, unit = _bracketed(text.strip().strip("\"'\ufeff#% ").strip()), "", ""
     if found := _INDEX.search(stem):
-        stem, axis = stem[: found.start()], "xyz"[int(found[1] or found[2])]
+        stem, axis = stem[: found.start()] + stem[found.end() :], "xyz"[int(found[1] or found[2])]
     insides = _BRACKETS.findall(stem)
     stem = _BRACKETS.sub(" \0 ", stem)
     for inside in (_DATUM.sub("", one) for one in insides):
@@ -370,17 +370,21 @@ _ABOUT = {"roll": "x", "pitch": "y", "yaw": "z"}
 
 def _about_an_axis(text: str, given: set[str], unit: str, rank: int) -> Heading | None:
     """Return a rate that is named by its angle, or an acceleration by its direction; None for others."""
-    if len(given & set(_ABOUT)) == 1 and given & {"rate", *SENSORS["gyro"]}:
+    turning = given & {"rate", *SENSORS["gyro"]} or (unit and unit_of("angular rate", unit) and unit != "rad")
+    if len(given & set(_ABOUT)) == 1 and turning:
         axis = _ABOUT[next(iter(given & set(_ABOUT)))]
         known = unit_of("angular rate", unit)
         return Heading(text, "rate", axis, OF_DIRECTIONS[0], known, rank + 1)
-    towards, sensed = given & set(_TOWARDS), given & SENSORS["accelerometer"]
+    towards = given & set(_TOWARDS)
+    sensed = given & SENSORS["accelerometer"] or ({"g force"} if {"g", "force"} <= given else set())
+    given = given - {"g", "force"} | sensed
     known = unit_of("acceleration", unit)
     # An accuracy has a length for its unit; a receiver's velocities make accelerations without gravity.
     if len(towards) != 1 or len(sensed) != 1 or given != towards | sensed or (unit and not known):
         return None
     axis = _TOWARDS[next(iter(towards))]
-    return Heading(text, "force", axis, OF_DIRECTIONS[1], known, rank + 1) if known or axis != "z" else None
+    is_named = known or axis != "z" or "acc" not in sensed
+    return Heading(text, "force", axis, OF_DIRECTIONS[1], known, rank + 1) if is_named else None
 
 
 _TOWARDS = {

@@ -327,7 +327,23 @@ def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, 
     hint = _leap_seconds(imu, fixes.gnss, checked)
     cause = ". ".join(filter(None, (str(refusal).removesuffix("."), hint)))
     report = " ".join((*imu.remarks, *fixes.remarks))[:_MAX_REPORT]
-    raise MissionError(f"{cause}. The columns were read so: {report}")
+    raise MissionError(f"{_in_its_headings(cause, imu)}. The columns were read so: {report}")
+
+
+_REMEDY = re.compile(r'"(RATE|FORCE)_([XYZ])=(-?)((?:rate|force)_[xyz])\[[^\]]*\]"')
+_FOR_PLACES = "With other headings in place of the capitals, and their unit, these options do it"
+
+
+def _in_its_headings(text: str, imu: Imu) -> str:
+    """Return a message whose options name the headings of a file and their units, to be pasted."""
+
+    def named(found: re.Match[str]) -> str:
+        triad = imu.gyro if found[1] == "RATE" else imu.accelerometer
+        heading = triad.headings["XYZ".index(found[2])]
+        sign = "" if (found[3] == "-") == (heading.sign < 0) else "-"
+        return f'"{heading.text}={sign}{found[4]}[{triad.unit}]"'
+
+    return _REMEDY.sub(named, text).replace(_FOR_PLACES, "These options do it")
 
 
 def _borne_out(imu: Imu, read: Oriented) -> Oriented:

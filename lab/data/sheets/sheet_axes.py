@@ -111,7 +111,7 @@ def oriented(
     if not passed:
         agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone, level)[0][:1])
         hint = _IF_REVERSED if agreeing else ""
-        raise MissionError(f"{refused[0]}{hint}")
+        raise MissionError(f"{str(refused[0]).removesuffix('.')}{hint}")
     axes, log = passed[0]
     why = "gravity shows down; the motion does not show forward, which is assumed"
     if not level:

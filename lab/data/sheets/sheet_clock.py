@@ -132,6 +132,27 @@ def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool
 
 
 def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) -> Clock | None:
+    fraction = next((pair for pair in sheet.all_of("time") if _is_fraction(*pair)), None)
+    if fraction is None:
+        return _of_column(sheet, fast, wanted, ordered, None)
+    heading, values = fraction
+    clock = _of_column(sheet, fast, wanted, ordered, heading)
+    if clock is None or (clock.time[np.isfinite(clock.time)] % 1).any():
+        return clock
+    time, text = clock.time + values * UNITS["time"][heading.unit], f"{clock.column} + {heading.text}"
+    return clock._replace(time=time, column=text)
+
+
+def _is_fraction(heading: Heading, values: FloatArray) -> bool:
+    """Return whether a column has milliseconds or microseconds that begin again with each second."""
+    known = values[np.isfinite(values)] * UNITS["time"][heading.unit or "s"]
+    within = known.size > 1 and heading.unit in ("ms", "µs", "ns") and ((known >= 0) & (known < 1)).all()
+    return bool(within and (np.diff(known) < 0).any())
+
+
+def _of_column(
+    sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool, fraction: Heading | None
+) -> Clock | None:
     seconds, fractions = sheet.all_of("seconds"), sheet.all_of("fraction")
     if seconds and fractions:
         (whole, a), (part, b) = seconds[0], fractions[0]
@@ -139,7 +160,9 @@ def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) 
     parts, used = _of_parts(sheet)
     # A counter beside is finer than the parts, which often have whole seconds.
     candidates = [
-        pair for pair in sheet.all_of("time") + sheet.all_of("clock") + seconds if pair[0] not in used
+        pair
+        for pair in sheet.all_of("time") + sheet.all_of("clock") + seconds
+        if pair[0] not in used and pair[0] is not fraction
     ]
     candidates.sort(key=lambda pair: (pair[0].text not in wanted, pair[0].rank))
     # A column named Date may hold the time of the day too.

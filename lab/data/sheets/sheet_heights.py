@@ -53,7 +53,7 @@ _FROM_START = (
     "high by the height of that place."
 )
 ABOVE_ELLIPSOID = "Heights are above the ellipsoid, as their heading says."
-_ELLIPSOID = re.compile(r"(?i)ellipsoid|(?<![a-z])hae(?![a-z])|(?<=[a-z])HAE")
+_ELLIPSOID = re.compile(r"(?i)ellipsoid|(?<![a-z])(?:hae|ell)(?![a-z])|(?<=[a-z])HAE")
 """In a heading of heights above the ellipsoid."""
 BY_SIZE = "guessed by its size"
 

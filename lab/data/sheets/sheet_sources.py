@@ -3,7 +3,8 @@
 A VBO file of Racelogic names its columns in one section and their units in another; latitude and longitude
 are minutes, and west is positive. KITTI has a file of thirty numbers without a header for each sample.
 FlySight 2 begins each row with the sensor that it is of. Garmin's FitCSVTool writes name, value and unit of
-each field of a FIT file into three cells.
+each field of a FIT file into three cells. Gyroflow has counts, whose size stands above the header, and
+RaceCapture the unit and the limits of a column in its heading.
 """
 
 from __future__ import annotations
@@ -76,6 +77,11 @@ def as_table(data: bytes) -> bytes:
         return gnss_logger.tables_of(data)
     if _FIT_CSV.match(data):
         return _of_fit_csv(data)
+    if data.startswith(_GCSV):
+        return _of_gyroflow(data)
+    if _RACECAPTURE.match(data):
+        head, _, rest = data.partition(b"\n")
+        return _RACECAPTURE.sub(rb"\1[\2],", head).rstrip(b",") + b"\n" + rest
     place = data[: 2**16].lower().find(_VBO)
     return data if place < 0 else _of_vbo(data, place)
 
@@ -126,6 +132,27 @@ def _of_fit_csv(data: bytes) -> bytes:
             triples = zip(cells[::3], cells[1::3], cells[2::3], strict=False)
             rows.append((message, {f"{name}[{unit}]": value for name, value, unit in triples if name}))
     return next((table for _, table in tables_of(rows, len(data))), b"")
+
+
+_GCSV = (b"GYROFLOW IMU LOG", b"CAMERA IMU LOG")
+"""How a file of Gyroflow begins (Gyroflow documentation, ".gcsv format")."""
+_GCSV_SCALE = re.compile(rb"(?m)^([tga])scale,\s*(\d{0,9}\.?\d{1,20}(?:e-\d{1,2})?)\s*$")
+"""What a count of the time [s], of the gyros [rad/s] and of the accelerometers [g] is."""
+_GCSV_UNITS = {"t": "s", "g": "rad/s", "a": "g"}
+_RACECAPTURE = re.compile(rb'"([^"|,\n]{1,99})"\|"([^"|,\n]{0,99})"\|[-+.\d|]{1,99},?')
+"""A heading of RaceCapture: name, unit, least, most and rate."""
+
+
+def _of_gyroflow(data: bytes) -> bytes:
+    """Return the rows of a file of Gyroflow below headings whose units are over a number of counts."""
+    start = data.find(b"\nt,gx,gy,gz,") + 1
+    head, _, rows = data[start:].partition(b"\n")
+    scales = {found[1].decode(): float(found[2]) for found in _GCSV_SCALE.finditer(data[:start])}
+    names = [
+        f"{name}[{_GCSV_UNITS[name[0]]}/{1 / scales[name[0]]:.9f}]" if scales.get(name[0]) else name
+        for name in head.decode("utf-8", "replace").strip().split(",")
+    ]
+    return ",".join(names).encode() + b"\n" + rows if start else data
 
 
 def _utc_of_clock(lines: Sequence[str]) -> tuple[float, float] | None:

@@ -11,6 +11,7 @@ from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 
 KMH = 1 / 3.6
+G, FRD = 9.80665, (1, 1, 1)
 TAKEOFF = 40.0
 """Height of the place of take-off [m]."""
 
@@ -104,3 +105,54 @@ def test_heights_of_rtklib_are_above_what_its_header_says(tmp_path, made, writte
     flight = read_raw(table(tmp_path / "rover.pos", header, rows, " ", before=before))
     assert (SEA_LEVEL in flight.remarks) == is_sea
     assert any("above the ellipsoid, as the lines above" in remark for remark in flight.remarks) != is_sea
+
+
+def test_milliseconds_beside_whole_seconds_are_their_fraction(tmp_path, made):
+    """QStarz writes them in a column MS, and Advanced Navigation microseconds: alone they are no time."""
+    rows = [
+        [moment(t, "%Y/%m/%d"), moment(t, "%H:%M:%S"), (UNIX + t) % 1 * 1000, abs(lat), "N", abs(lon), "W", h,
+         f"{v / KMH:.9f} km/h", c] for t, lat, lon, h, v, c in track(made)
+    ]  # fmt: skip
+    header = "UTC DATE,UTC TIME,MS,LATITUDE,N/S,LONGITUDE,E/W,HEIGHT,SPEED,HEADING"
+    flight = read_raw(table(tmp_path / "log.csv", header, rows))
+    np.testing.assert_allclose(flight.time, UNIX + track(made)[:, 0], atol=1e-5)
+    rows = [[moment(t, "%Y-%m-%d %H:%M:%S"), int(UNIX + t), (UNIX + t) % 1 * 1e6, lat, lon, h]
+            for t, lat, lon, h, *_ in track(made)]  # fmt: skip
+    header = "Human Timestamp,Unix Time,Microseconds,Latitude,Longitude,Height"
+    flight = read_raw(table(tmp_path / "state.csv", header, rows))
+    np.testing.assert_allclose(flight.time, UNIX + track(made)[:, 0], atol=1e-5)
+
+
+def test_a_flight_of_flightradar24_is_in_feet(tmp_path, made):
+    header = "Timestamp,UTC,Callsign,Position,Altitude,Speed,Direction"
+    rows = [[UNIX + t, moment(t, "%Y-%m-%dT%H:%M:%SZ"), "X1", f'"{lat},{lon}"', h / FOOT, v * 3600 / 1852, c]
+            for t, lat, lon, h, v, c in track(made)]  # fmt: skip
+    np.testing.assert_allclose(read_raw(table(tmp_path / "a.csv", header, rows)).height, track(made)[:, 3])
+
+
+COUNTS = "GYROFLOW IMU LOG\nversion,1.3\ntscale,0.001\ngscale,0.00122\nascale,0.00048\n"
+MADE_OF = {
+    "gyroflow": ("t,gx,gy,gz,ax,ay,az", COUNTS, (1e-3, 0.00122, 0.00048 * G), FRD),
+    "blackbox": (
+        "time (us)," + ",".join(f"gyroADC[{i}] (deg/s)" for i in range(3))
+        + "".join(f",accSmooth[{i}] (g)" for i in range(3)), "", (1e-6, np.pi / 180, G), FRD,
+    ),
+    "MoTeC": (
+        "Time,Gyro Roll Rate,Gyro Pitch Rate,Gyro Yaw Rate,G Force Long,G Force Lat,G Force Vert\n"
+        "s,deg/s,deg/s,deg/s,G,G,G", '"Format","MoTeC CSV File",,\n\n', (1.0, np.pi / 180, G), (1, -1, -1),
+    ),
+    "RaceCapture": (
+        '"Utc"|"ms"|0|0|1,' + ",".join(f'"Gyro{a}"|"Deg/Sec"|-120|120|25' for a in "XYZ")
+        + "".join(f',"Accel{a}"|"G"|-3.0|3.0|25' for a in "XYZ"), "", (1e-3, np.pi / 180, G), FRD,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("maker", MADE_OF)
+def test_makers_that_write_units_in_their_own_way(tmp_path, made, maker):
+    header, before, (second, rate, force), signs = MADE_OF[maker]
+    imu, gnss = made
+    rows = np.column_stack((imu[:, 0] / second, imu[:, 1:4] * signs / rate, imu[:, 4:] * signs / force))
+    log = read_log([table(tmp_path / f"{maker}.csv", header, rows, before=before),
+                    table(tmp_path / "gps.csv", "time_s,lat,lon,alt,vn,ve", gnss[:, :6])])  # fmt: skip
+    np.testing.assert_allclose(np.column_stack(log.rates)[-99:], imu[-99:, 1:], atol=1e-4)
