@@ -173,6 +173,11 @@ class LiveNavigator:
             self._advance()
         return True
 
+    @property
+    def due(self) -> float:
+        """Time of a sample with which those that wait are processed, by the clock of the rows [s]."""
+        return self._pace.next
+
     def finish(self) -> None:
         """Process what waits for later samples: there will be none."""
         with self._lock:

@@ -27,6 +27,11 @@ class Pace:
         self._period = period
         self._due = -math.inf
 
+    @property
+    def next(self) -> float:
+        """Time from which a sample is used [s]."""
+        return self._due - EARLY * self._period
+
     def is_due(self, time: float) -> bool:
         """Return whether a sample at a time [s] is used; a clock that was set back begins anew."""
         late = time - self._due

@@ -205,7 +205,8 @@ class Station:
             if ended and self.source.end == cursor:
                 self._finish()
                 return
-            self.source.wait(cursor, PERIOD)
+            navigator = self._navigator
+            self.source.wait(cursor, PERIOD, -np.inf if navigator is None else navigator.due)
 
     def _begin_anew(self) -> None:
         """Navigate with all samples that are kept again: their angular rates have another unit."""

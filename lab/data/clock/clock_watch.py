@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import Flags, FloatArray, IntArray
 from lab.data.clock.device_clock import DeviceClock
+from lab.data.clock.faults import steps_from
 from lab.data.clock.limits import LIMITS
 
 _TURNS: Final = {
@@ -159,15 +160,18 @@ class ClockWatch:
             # Decoders that continue counters begin in another turn than when the recording began.
             if not 0 < float(device[0]) - self.last < LIMITS.step:
                 self.rebase(float(device[0]) - self._interval, clock)
-        steps = np.diff(device, prepend=self.last)
+        steps = steps_from(self.last, device)
         odd = ~(steps > 0) | (
             steps > (LIMITS.step if math.isnan(self.usual) else LIMITS.missing * self.usual)
         )
         odd[0] &= math.isfinite(self.last)
-        kept, moved, changed = np.ones(len(device), bool), np.zeros(len(device)), np.zeros(len(device), bool)
-        if odd.any():
-            self._sort_out(device, arrival, clock, np.flatnonzero(odd), (kept, moved, changed))
+        kept, changed = np.ones(len(device), bool), np.zeros(len(device), bool)
         self._number += len(device)
+        if not odd.any():
+            self.last, self._heard = float(device[-1]), arrival
+            return Followed(kept, device, 0.0, changed, bool(self._pending) and self._decide(arrival))
+        moved = np.zeros(len(device))
+        self._sort_out(device, arrival, clock, np.flatnonzero(odd), (kept, moved, changed))
         times = (device - moved)[kept]
         if times.size:
             self.last = float(device[kept][-1])
@@ -216,7 +220,7 @@ class ClockWatch:
             if step <= 0 or early:
                 total += step - self._interval
                 moved[i], changed[i] = total, True
-                self._odd.append((self._number + i, step))
+                self._odd.append((self._number - len(device) + i, step))
             elif step > LIMITS.missing * self._interval:
                 self._gaps.append((last, time))
             last = time
@@ -294,9 +298,10 @@ class ClockWatch:
         ordinary = steps[~gap & (steps > 0)]
         if ordinary.size:
             share = min(1.0, LIMITS.remembered * ordinary.size)
-            self.usual += share * (float(ordinary.mean()) - self.usual)
+            mean = float(ordinary[0] if ordinary.size == 1 else ordinary.mean())
+            self.usual += share * (mean - self.usual)
         missing = 0
-        if gap.any():
+        if ordinary.size < steps.size and gap.any():
             missing = int(np.rint(steps[gap] / self.usual - 1).sum())
             # A pace that changed for good is no gap: the usual interval follows it slowly.
             self.usual += LIMITS.remembered * (float(steps[gap].min()) - self.usual)

@@ -14,7 +14,17 @@ from lab.data.clock.limits import LIMITS
 
 def increasing(time: FloatArray, after: float = -np.inf) -> Flags:
     """Return which times (n,) are later than all before, and than `after` [s]; unknown ones are not."""
+    if time.size == 1:
+        return np.asarray(time > after)
     return np.asarray(time > np.fmax.accumulate(np.append(after, time))[:-1])
+
+
+def steps_from(before: float, time: FloatArray) -> FloatArray:
+    """Return the steps of times (n,) from a time before them [s]; n > 0."""
+    steps = np.empty_like(time)
+    steps[0] = time[0] - before
+    np.subtract(time[1:], time[:-1], out=steps[1:])
+    return steps
 
 
 def usual_step(time: FloatArray) -> float:

@@ -94,6 +94,8 @@ class AxisMap:
         force
             Whether they are specific forces.
         """
+        if self.is_identity:
+            return vectors
         # Rows are picked, not multiplied: a NaN in one axis is not spread to the others.
         order = np.abs(self.matrix).argmax(axis=1)
         signs = self.matrix.sum(axis=1) * (-1.0 if force and self.inverted_force else 1.0)
@@ -101,6 +103,8 @@ class AxisMap:
 
     def unmapped(self, vectors: FloatArray, *, force: bool = False) -> FloatArray:
         """Return vectors (n, 3) forward, right, down in axes of the device; undoes `mapped`."""
+        if self.is_identity:
+            return vectors
         order = np.abs(self.matrix).argmax(axis=0)
         signs = self.matrix.sum(axis=0) * (-1.0 if force and self.inverted_force else 1.0)
         return np.asarray(vectors[..., order] * signs)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.data.clock.clock_watch import ClockWatch, sent_again
 from lab.data.clock.device_clock import DeviceClock
+from lab.data.clock.faults import steps_from
 from lab.data.clock.limits import LIMITS
 
 Rows = NDArray[np.void]
@@ -121,8 +122,9 @@ class ImuClock:
         values = np.concatenate((device[:, None], rows["rate"], rows["force"]), axis=1)
         before = np.full((1, 7), np.nan) if self._values is None else self._values
         fresh = ~sent_again(values, before)
-        self._values = np.concatenate((before, values[fresh]))[-LIMITS.compared :]
-        if not fresh.all():
+        is_fresh = bool(fresh.all())
+        self._values = np.concatenate((before, values if is_fresh else values[fresh]))[-LIMITS.compared :]
+        if not is_fresh:
             self.watch.repeated += int((~fresh).sum())
             rows, device = rows[fresh], device[fresh]
         passed = self._paced[-1][1] if self._paced else 0
@@ -184,15 +186,16 @@ class ImuClock:
     def _by_clock(self, rows: Rows, device: FloatArray, arrival: float) -> Rows:
         """Map times of the device to those of the host; drop what was sent twice, or came after later."""
         known = np.isfinite(device)
-        rows, device = rows[known], device[known]
+        if not known.all():
+            rows, device = rows[known], device[known]
         if not len(rows):
             return self._none
         begun, last = np.isfinite(self.clock.offset), self.watch.last
         followed = self.watch.follow(device, arrival, self.clock)
-        rows, device = rows[followed.kept], followed.device
+        rows, device = rows if followed.kept.all() else rows[followed.kept], followed.device
         if not len(rows):
             return self._none
-        steps = np.diff(device, prepend=last)
+        steps = steps_from(last, device)
         times, anew = self.clock.mapped(device, arrival)
         steps[followed.changed] = np.nan  # the clock was set: no sample is missing
         gap, missing = self.watch.gaps(steps)

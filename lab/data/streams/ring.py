@@ -119,6 +119,8 @@ def _first_after(room: NDArray[np.void], end: int, time: float) -> int:
 
 
 def _put(room: NDArray[np.void], end: int, rows: NDArray[np.void]) -> None:
+    if not len(rows):
+        return
     size = len(room)
     if len(rows) > size:
         end, rows = end + len(rows) - size, rows[-size:]
@@ -129,8 +131,9 @@ def _put(room: NDArray[np.void], end: int, rows: NDArray[np.void]) -> None:
 
 
 def _taken(room: NDArray[np.void], begin: int, end: int) -> tuple[NDArray[np.void], int]:
+    if begin >= end:
+        return room[:0], 0
     size = len(room)
-    begin = min(begin, end)
     lost = max(0, end - size - begin)
     begin += lost
     at, count = begin % max(size, 1), end - begin

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -78,6 +79,8 @@ class Source:
         self._ring = Ring()
         self._lock = threading.Lock()  # of the recording and the axes; writing to a disk may take long
         self._changed = threading.Condition()
+        self._newest = -math.inf  # time of the newest sample of the IMU
+        self._awaited: list[float] = []  # times of samples for which others wait
         self._ending = threading.Event()
         self._state, self._why = OPENING, "Opening."
         self._reached = False
@@ -249,8 +252,10 @@ class Source:
         """Return the samples of the last seconds, by their times, at most all that are kept."""
         return self._ring.newest(seconds)
 
-    def wait(self, cursor: Cursor, longest: float) -> bool:
+    def wait(self, cursor: Cursor, longest: float, until: float = -math.inf) -> bool:
         """Wait for samples after a cursor; return whether there are some, or the source has ended.
+
+        To wake a thread costs as much as to time a sample.
 
         Parameters
         ----------
@@ -258,9 +263,17 @@ class Source:
             How far one has read.
         longest
             Longest waiting time [s].
+        until
+            Time of the sample for which one waits; earlier ones without a fix or a reading do not wake [s].
         """
         with self._changed:
-            return self._changed.wait_for(lambda: self._ring.end != cursor or self.ended, longest)
+            end = self._ring.end
+            if self.ended or (end != cursor and (self._newest >= until or end[1:] != cursor[1:])):
+                return True
+            self._awaited.append(until)
+            self._changed.wait(longest)
+            self._awaited.remove(until)
+            return self._ring.end != cursor or self.ended
 
     @property
     def status(self) -> Status:
@@ -451,7 +464,9 @@ class Source:
         if len(imu) or len(fix) or len(readings):
             self._ring.append(imu, fix, readings)
             with self._changed:
-                self._changed.notify_all()
+                self._newest = float(imu["time"][-1]) if len(imu) else self._newest
+                if len(fix) or len(readings) or self._newest >= min(self._awaited, default=math.inf):
+                    self._changed.notify_all()
 
     def _keep(self, write: Callable[[], None]) -> None:
         """Write to the recording; if that fails the stream goes on without it."""
