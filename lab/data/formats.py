@@ -130,50 +130,30 @@ _TABLE = (
     "does, with the number of a column where there is no header."
 )
 _EXPORT = "It is a {} file: export its topics or tables as csv with named columns."
-_NOT_READ = (
-    (
-        re.compile(rb"PK\x03\x04"),
-        "It is a zip archive: unpack it first. Zip files of csv files are read as they are.",
-    ),
-    (
-        re.compile(
-            rb"(?i)[^\n]{0,200}?(?:p_RS_R_x|\btx,? ty,? tz\b|pos(?:ition)?[._]x\b[^\n]*pos(?:ition)?[._]y\b)"
-        ),
+_NOT_READ = {
+    rb"PK\x03\x04": "It is a zip archive: unpack it first. Zip files of csv files are read as they are.",
+    rb"(?i)[^\n]{0,200}?(?:p_RS_R_x|\btx,? ty,? tz\b|pos(?:ition)?[._]x\b[^\n]*pos(?:ition)?[._]y\b)": (
         "It holds positions in metres from an origin, as of EuRoC or TUM, whose latitude, longitude and "
-        "azimuth it does not give; a flight needs positions on the Earth.",
+        "azimuth it does not give; a flight needs positions on the Earth."
     ),
-    (
-        re.compile(rb"(?s).{0,2000}?\$(?:G[A-Z]|B[DQ])(?:GGA|RMC|GLL|GNS|VTG),|(?s:.{0,2000}?)\$P[A-Z]{3},"),
+    rb"(?s).{0,2000}?\$(?:G[A-Z]|B[DQ])(?:GGA|RMC|GLL|GNS|VTG),|(?s:.{0,2000}?)\$P[A-Z]{3},": (
         "It looks like NMEA 0183, but has no GGA, GNS, RMC or GLL with a position and a right checksum (*hh "
-        "at the end) in its first 64 kB.",
+        "at the end) in its first 64 kB."
     ),
-    (
-        re.compile(rb"[^\0]{0,2000}?[#%](?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{0,10}A,"),
+    rb"[^\0]{0,2000}?[#%](?:BEST|INS|RAWIMU|MARK|PSR)[A-Z]{0,10}A,": (
         "It looks like ASCII logs of a NovAtel receiver. ins-lab import FILE --as log makes a sensor log of "
-        "them, if they have RAWIMUX and BESTPOS.",
+        "them, if they have RAWIMUX and BESTPOS."
     ),
-    (re.compile(rb"MATLAB 5|.HDF\r\n"), _EXPORT.format("MATLAB or HDF5")),
-    (re.compile(rb"#ROSBAG|\x89MCAP|SQLite format 3"), _EXPORT.format("ROS bag or database")),
-    (
-        re.compile(rb"\s*\d+\s+\d\d:\d\d:\d\d,\d{3} --> "),
-        "It holds subtitles (SRT) of a video: convert them to csv or GPX.",
+    rb"MATLAB 5|.HDF\r\n": _EXPORT.format("MATLAB or HDF5"),
+    rb"#ROSBAG|\x89MCAP|SQLite format 3": _EXPORT.format("ROS bag or database"),
+    rb"\s*\d+\s+\d\d:\d\d:\d\d,\d{3} --> ": (
+        "It holds subtitles (SRT) of a video: convert them to csv or GPX."
     ),
-    (
-        re.compile(rb"(?s).{4}ftyp"),
-        "It is a video: extract its telemetry as csv or GPX, for GoPro with gpmf tools.",
-    ),
-    (re.compile(rb"\s*[\[{]\s*[\"{\[]"), _EXPORT.format("JSON")),
-    (
-        re.compile(rb"[^\n]{40,70}RINEX VERSION"),
-        "It holds raw observations of satellites (RINEX) and no positions.",
-    ),
-    (
-        re.compile(
-            rb"[^\0]{0,2000}?\n[^\0A-DF-Za-df-z\n]{0,99}\d[^\0A-Za-z\d\n]{0,9}[,;\t ][^\0A-Za-z\d\n]{0,99}\d"
-        ),
-        _TABLE,
-    ),
-)
+    rb"(?s).{4}ftyp": "It is a video: extract its telemetry as csv or GPX, for GoPro with gpmf tools.",
+    rb"\s*[\[{]\s*[\"{\[]": _EXPORT.format("JSON"),
+    rb"[^\n]{40,70}RINEX VERSION": "It holds raw observations of satellites (RINEX) and no positions.",
+    rb"[^\0]{0,2000}?\n[^\0A-DF-Za-df-z\n]{0,99}\d[^\0A-Za-z\d\n]{0,9}[,;\t ][^\0A-Za-z\d\n]{0,99}\d": _TABLE,
+}
 """How files of known formats that are not read begin, and the advice that is reported."""
 
 
@@ -201,7 +181,7 @@ def reader_of(path: Path, units: Mapping[str, str] | None = None) -> Reader:
         return READERS[-1]
     if not head:
         raise MissionError(f"{path}: the file is empty")
-    advice = next((advice for mark, advice in _NOT_READ if mark.match(head)), "")
+    advice = next((advice for mark, advice in _NOT_READ.items() if re.match(mark, head)), "")
     if (plain := as_plain_text(head)) and (found := [one.name for one in READERS if one.recognises(plain)]):
         advice = f"It is {found[0]} in UTF-16, as Windows PowerShell writes it: save it as UTF-8 or ASCII."
     advice = (

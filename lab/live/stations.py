@@ -184,11 +184,15 @@ class Stations:
             If one is open alone, and not for this visitor.
         """
         may = may_watch if alone else may_join
+
+        def nearness(owner: Owner) -> tuple[bool, bool]:  # first one's own, then that of a teacher
+            return visitor.identity == owner.identity, owner.teaches
+
         while True:
             alike = [(key, one) for key, one in self._open.items() if one.wanted == wanted]
             found = [(key, one) for key, one in alike if may(visitor, one.station.owner)]
-            if found:  # first one's own, then that of a teacher
-                return max(found, key=lambda item: _nearness(visitor, item[1].station.owner))
+            if found:
+                return max(found, key=lambda item: nearness(item[1].station.owner))
             coming = [one for one in self._opening if one.wanted == wanted]
             if any(may(visitor, one.owner) for one in coming):
                 self._changed.wait()
@@ -265,10 +269,6 @@ class Stations:
             self._open.clear()
         for station in stations:
             station.close()
-
-
-def _nearness(visitor: Visitor, owner: Owner) -> tuple[bool, bool]:
-    return visitor.identity == owner.identity, owner.teaches
 
 
 def _unlike(name: str, taken: Iterable[str]) -> str:

@@ -165,11 +165,8 @@ def _extensions(record: bytes) -> dict[str, slice]:
     """Return where the extensions that are read stand in each B record, as an I record says."""
     found = {}
     for at in range(3, len(record) - 6, 7):
-        first, last, name = (
-            record[at : at + 2],
-            record[at + 2 : at + 4],
-            record[at + 4 : at + 7].decode("latin-1"),
-        )
+        first, last = record[at : at + 2], record[at + 2 : at + 4]
+        name = record[at + 4 : at + 7].decode("latin-1")
         if name in _EXTENSIONS and first.isdigit() and last.isdigit():
             where = slice(int(first) - 1, int(last))
             if _FIRST_EXTENSION <= where.start < where.stop <= where.start + _MAX_DIGITS:

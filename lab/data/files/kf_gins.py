@@ -370,14 +370,8 @@ def _rows(path: Path) -> _Rows:
         kept = np.isfinite(values).all(axis=1)
         left = int((~kept).sum()) + (len(samples) % _BINARY_ROW > 0)
         first = int(np.argmin(kept)) + 1 if not kept.all() else count + 1
-        return _Rows(
-            path,
-            kind,
-            values[kept],
-            (np.flatnonzero(kept) + 1).astype(np.float64),
-            left,
-            first if left else 0,
-        )
+        numbers = (np.flatnonzero(kept) + 1).astype(np.float64)
+        return _Rows(path, kind, values[kept], numbers, left, first if left else 0)
     parts: list[FloatArray] = [np.empty((0, columns + 1))]
     lost = first_lost = 0
     with TextBlocks(path, MAX_BYTES, strict=False) as text:

@@ -185,16 +185,8 @@ class LogFiles:
     @property
     def paths(self) -> list[Path]:
         """All files there are."""
-        named = (
-            self.imu,
-            self.gnss,
-            self.reference,
-            self.magnetometer,
-            *self.series.values(),
-            self.heading,
-            self.calibration,
-            *(path for _, path in self.comparisons),
-        )
+        named = [self.imu, self.gnss, self.reference, self.magnetometer, *self.series.values()]
+        named += [self.heading, self.calibration, *(path for _, path in self.comparisons)]
         return [path for path in named if path is not None]
 
     @property
@@ -359,23 +351,15 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
     imu, gnss = (
         file_in_same_folder(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss")
     )
-    others = {
-        key: file_in_same_folder(described, key, values.get(key, name))
-        for key, name in (
-            ("reference", "ref.csv"),
-            ("magnetometer", "mag.csv"),
-            *((aid.name, aid.file) for aid in AIDS),
-        )
-    }
+    usual = {"reference": "ref.csv", "magnetometer": "mag.csv"} | {aid.name: aid.file for aid in AIDS}
+    others = {key: file_in_same_folder(described, key, values.get(key, name)) for key, name in usual.items()}
     comparisons = tuple(
         (name, file_in_same_folder(described, "comparisons", file))
         for name, file in values.get("comparisons", {}).items()
     )
-    calibration = (
-        file_in_same_folder(described, "calibration", values["calibration"])
-        if "calibration" in values
-        else None
-    )
+    calibration = None
+    if "calibration" in values:
+        calibration = file_in_same_folder(described, "calibration", values["calibration"])
     wanted = [imu, gnss, *(file for _, file in comparisons), *((calibration,) if calibration else ())]
     wanted += [file for key, file in others.items() if key in values]
     for file in wanted:

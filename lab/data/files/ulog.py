@@ -188,10 +188,8 @@ def _valid(messages: Messages, *flags: str) -> Flags:
 def _local_velocity(local: Messages | None) -> Stream | None:
     if local is None:
         return None
-    valid, counter = (
-        _valid(local, "v_xy_valid", "v_z_valid"),
-        _counter(local, "vxy_reset_counter", "vz_reset_counter"),
-    )
+    valid = _valid(local, "v_xy_valid", "v_z_valid")
+    counter = _counter(local, "vxy_reset_counter", "vz_reset_counter")
     return Stream.of_fields("local velocity", local, "vx", "vy", "vz", valid=valid, counter=counter)
 
 

@@ -390,9 +390,8 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
                     continue
                 if len(cells) in headed or all(_says_little(cell, separator) for cell in cells):
                     word = "" if IS_VALUE.fullmatch(cells[0]) or IS_STAMP.fullmatch(cells[0]) else cells[0]
-                    kinds.setdefault(
-                        (prefix, word if len(cells) not in headed else "", len(cells)), []
-                    ).append(cells)
+                    key = prefix, word if len(cells) not in headed else "", len(cells)
+                    kinds.setdefault(key, []).append(cells)
             several = len({word for _, word, _ in kinds}) > 1
             for (before, word, _), found in kinds.items():
                 if set(before + word) & set("{}"):

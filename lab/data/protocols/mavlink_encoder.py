@@ -145,16 +145,8 @@ class MavlinkSolution:
         covariance[:3, :3] = solution.position_covariance
         covariance[range(3, 6), range(3, 6)] = solution.velocity_sigma**2
         velocity = _singles(solution.velocity_n)
-        messages.append(
-            link.global_position_int_cov_encode(
-                microseconds(solution.utc),
-                _GPS_INS,
-                *place,
-                *heights,
-                *velocity,
-                _singles(covariance.ravel()),
-            )
-        )
+        utc, flat = microseconds(solution.utc), _singles(covariance.ravel())
+        messages.append(link.global_position_int_cov_encode(utc, _GPS_INS, *place, *heights, *velocity, flat))
         return messages
 
 

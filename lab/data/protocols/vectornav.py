@@ -258,11 +258,8 @@ def _divided(frame: bytes, at: Mapping[Field, int]) -> tuple[Vector, Vector]:
 
 def _clipped(saturation: int) -> int:
     """Return the flags of `IMU` of the field SensSat: magnetometer, accelerometer, gyro from bit 0 on."""
-    return (
-        (saturation & 7) * CLIPPED_MAGNETIC
-        | (saturation >> 3 & 7) * CLIPPED_FORCE
-        | (saturation >> 6 & 7) * CLIPPED_RATE
-    )
+    magnetic, force, rate = (saturation >> first & 7 for first in (0, 3, 6))
+    return magnetic * CLIPPED_MAGNETIC | force * CLIPPED_FORCE | rate * CLIPPED_RATE
 
 
 def _utc(calendar: Vector) -> float:

@@ -50,25 +50,12 @@ class McapFile:
         self._sequence = dict.fromkeys((one.number for one in CHANNELS), 0)
         self._chunks: list[bytes] = []  # their indexes
         self._span: tuple[int, int] | None = None
-        declared = [
-            record
-            for one in CHANNELS
-            for record in (
-                _record(
-                    _SCHEMA,
-                    struct.pack("<H", one.number)
-                    + _text(one.schema_name)
-                    + _text("jsonschema")
-                    + _text(one.schema),
-                ),
-                _record(
-                    _CHANNEL,
-                    struct.pack("<HH", one.number, one.number) + _text(one.topic) + _text("json") + _text(""),
-                ),
-            )
-        ]
-        self._declared = b"".join(declared)
-        self._put(MAGIC + _record(_HEADER, _text("") + _text("INS Lab")) + self._declared)
+        self._declared = b""
+        for one in CHANNELS:
+            schema = struct.pack("<H", one.number) + _texts(one.schema_name, "jsonschema", one.schema)
+            channel = struct.pack("<HH", one.number, one.number) + _texts(one.topic, "json", "")
+            self._declared += _record(_SCHEMA, schema) + _record(_CHANNEL, channel)
+        self._put(MAGIC + _record(_HEADER, _texts("", "INS Lab")) + self._declared)
         self._file.flush()
 
     def write(self, time: int, messages: dict[int, bytes]) -> None:
@@ -111,23 +98,17 @@ class McapFile:
         records = b"".join(self._parts)
         start = self._at
         head = struct.pack("<QQQI", first, last, len(records), zlib.crc32(records))
-        self._put(_record(_CHUNK, head + _text("") + struct.pack("<Q", len(records)) + records))
+        self._put(_record(_CHUNK, head + _texts("") + struct.pack("<Q", len(records)) + records))
         length, offsets = self._at - start, b""
         begun = self._at
         for number, found in self._times.items():
             offsets += struct.pack("<HQ", number, self._at)
             pairs = b"".join(struct.pack("<QQ", *pair) for pair in found)
             self._put(_record(_MESSAGE_INDEX, struct.pack("<HI", number, len(pairs)) + pairs))
-        self._chunks.append(
-            _record(
-                _CHUNK_INDEX,
-                struct.pack("<QQQQI", first, last, start, length, len(offsets))
-                + offsets
-                + struct.pack("<Q", self._at - begun)
-                + _text("")
-                + struct.pack("<QQ", len(records), len(records)),
-            )
-        )
+        index = struct.pack("<QQQQI", first, last, start, length, len(offsets)) + offsets
+        index += struct.pack("<Q", self._at - begun) + _texts("")
+        index += struct.pack("<QQ", len(records), len(records))
+        self._chunks.append(_record(_CHUNK_INDEX, index))
         self._parts, self._size, self._times = [], 0, {}
         self._file.flush()
 
@@ -140,7 +121,6 @@ def _record(opcode: int, contents: bytes) -> bytes:
     return struct.pack("<BQ", opcode, len(contents)) + contents
 
 
-def _text(text: str) -> bytes:
-    """Return a text, or with none an empty one or map, with its length."""
-    data = text.encode()
-    return struct.pack("<I", len(data)) + data
+def _texts(*texts: str) -> bytes:
+    """Return texts, or with none an empty one or map, each with its length."""
+    return b"".join(struct.pack("<I", len(data)) + data for data in map(str.encode, texts))
