@@ -123,8 +123,8 @@ def possible(raw: RawFlight) -> RawFlight:
 def somewhere(raw: RawFlight) -> RawFlight:
     """Return the samples without those at exactly 0° N 0° E, unless the flight comes close to there.
 
-    Receivers and loggers write zeros while they have no position.     If they never have one, the flight
-    is made of the velocity alone.
+    Receivers and loggers write zeros while they have no position. If they never have one, the flight is
+    made of the velocity alone.
 
     Raises
     ------
