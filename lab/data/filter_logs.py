@@ -46,8 +46,15 @@ def read_filter_log(path: Path) -> FilterLog:
     for kind in KINDS:
         if kind.recognises(head):
             return kind.read(path)
-    known = reader_of(path).name  # which refuses a file of an unknown format, with advice
-    accepted = ", ".join(kind.name for kind in KINDS)
+    accepted = f"{', '.join(kind.name for kind in KINDS)} with headings such as {filter_csv.HEADINGS}"
+    try:
+        known = reader_of(path).name
+    except MissionError as error:  # with advice on columns, which have no place here
+        if not filter_csv.is_table(head):
+            raise
+        raise MissionError(
+            f"{path}: no heading is that of an innovation's σ; accepted: {accepted}"
+        ) from error
     raise MissionError(
         f"{path}: is {known}, which holds no innovations of a filter, so that no filter can be judged; "
         f"accepted: {accepted}"

@@ -174,6 +174,30 @@ def test_a_csv_without_innovations_or_with_damage_is_refused(tmp_path) -> None:
         read_filter_log(tmp_path / "b.csv")
 
 
+def test_a_table_with_other_headings_is_told_which_are_accepted(tmp_path) -> None:
+    """The advice on columns of a flight, which an import takes, has no place here."""
+    put(tmp_path, "kf.csv", b"time,innov_x,innov_y,S_x,S_y\n" + b"1,0.1,0.2,1.0,1.0\n" * 50)
+    with pytest.raises(MissionError, match=r"no heading .* accepted: .*position_sigma north \[m\]") as told:
+        read_filter_log(tmp_path / "kf.csv")
+    assert "--column" not in str(told.value)
+    for content in (b"", b"\x89PNG\r\n\x1a\n, , ", bytes(range(256))):
+        with pytest.raises(MissionError, match=r"empty|unknown"):
+            read_filter_log(put(tmp_path, "other.csv", content))
+
+
+def test_rows_that_go_back_in_time_are_refused_and_a_few_are_left_out(tmp_path) -> None:
+    made = rows(np.random.default_rng(7))
+    write_csv(tmp_path / "a.csv", HEADER, made[::-1])
+    with pytest.raises(
+        MissionError, match=f"{len(made) - 1} of {len(made)} rows are earlier than one before"
+    ):
+        read_filter_log(tmp_path / "a.csv")
+    made[20, 0] = made[10, 0]
+    write_csv(tmp_path / "a.csv", HEADER, made)
+    kept = read_filter_log(tmp_path / "a.csv").lane.innovations[0].time
+    assert len(made) - 2 <= len(kept) < len(made)
+
+
 @pytest.mark.parametrize("kind", ["ulg", "bin", "csv"])
 def test_damaged_files_are_read_or_refused(tmp_path, values, kind) -> None:
     rng = np.random.default_rng(6)

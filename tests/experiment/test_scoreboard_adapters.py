@@ -145,6 +145,17 @@ def test_each_made_set_is_complete_and_one_without_files_is_refused(
         checked_files(data_set(name), tmp_path / "empty")
 
 
+@pytest.mark.parametrize("missing", ["imu.csv", "gnss.csv"])
+@pytest.mark.parametrize("name", ["vn310_static", "rtkx_walk", "kf_gins"])
+def test_half_a_log_is_refused_by_what_is_missing(
+    tmp_path: Path, log: Tables, name: str, missing: str
+) -> None:
+    folder = public_sets.write(tmp_path / name, log)
+    (folder / missing).unlink()
+    with pytest.raises(MissionError, match=f"{missing} is missing; it is published at github.com"):
+        checked_files(data_set(name), folder)
+
+
 @pytest.mark.parametrize("name", [name for name in sorted(WRITTEN) if name not in ("oan_drive_short",)])
 @pytest.mark.parametrize("cut", [0.0, 0.001, 0.5, 0.97])
 def test_a_file_that_ends_early_has_an_answer(tmp_path: Path, log: Tables, name: str, cut: float) -> None:

@@ -46,7 +46,10 @@ _MAX_VALUE = 1e10
 """Largest time, innovation or state accepted: larger numbers are damaged, in whatever unit."""
 _MAX_COLUMNS = 200
 """Most columns: a filter has some dozen measurements."""
-_ROW = "time [s], position north [m], position_sigma north [m]"
+_MOST_BACK = 0.1
+"""Largest part of the rows that may be earlier than one before: damaged bytes make a few."""
+HEADINGS = "time [s], position north [m], position_sigma north [m]"
+"""Headings of an accepted file."""
 
 
 class _Part(NamedTuple):
@@ -64,13 +67,20 @@ def recognises(head: bytes) -> bool:
     return header.lower().startswith(b"time") and _SIGMA_HEADING.search(header) is not None
 
 
+def is_table(head: bytes) -> bool:
+    """Return whether a file begins with headings in columns, whatever they say."""
+    line = next((line for line in head.splitlines() if line.strip() and not line.startswith(b"#")), b"")
+    cells = line.decode("utf-8", "replace").split(",")
+    return len(cells) > 1 and all(cell.strip()[:1].isalpha() and cell.isprintable() for cell in cells)
+
+
 def read(path: Path) -> FilterLog:
     """Read the innovations of any filter.
 
     Raises
     ------
     MissionError
-        If the file cannot be read, or has no innovation with its σ.
+        If the file cannot be read, has no innovation with its σ, or its rows are not in the order of time.
     """
     header = _header(path)
     time = next((cell for cell in header if _TIME.fullmatch(cell)), None)
@@ -79,7 +89,7 @@ def read(path: Path) -> FilterLog:
     if time is None or not parts:
         raise MissionError(
             f"{path}: no time [s] and no innovation with its σ in a header of {len(header)} columns; "
-            f"accepted are headings such as {_ROW}, at most {_MAX_COLUMNS}"
+            f"accepted are headings such as {HEADINGS}, at most {_MAX_COLUMNS}"
         )
     columns = [Column(time, -_MAX_VALUE, _MAX_VALUE)]
     for cell, part in parts.items():
@@ -92,6 +102,12 @@ def read(path: Path) -> FilterLog:
     ]
     table = read_columns(path, tuple(dict.fromkeys(columns)), may_be_cut=True)
     values = {column.name: table.values[:, at] for at, column in enumerate(table.columns)}
+    back = int(np.sum(values[time] < np.maximum.accumulate(values[time])))
+    if back > _MOST_BACK * len(table.values):
+        raise MissionError(
+            f"{path}: {back} of {len(table.values)} rows are earlier than one before; accepted are rows in "
+            "the order of time"
+        )
     found = []
     for name in dict.fromkeys(part.name for part in parts.values()):
         own = {cell: part for cell, part in parts.items() if part.name == name}

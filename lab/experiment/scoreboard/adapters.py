@@ -236,8 +236,8 @@ def _place(folder: Path, fields: Mapping[str, FloatArray]) -> FloatArray:
 
 def nclt(folder: Path, about: DataSet) -> SensorLog:
     """Read a session of NCLT: ``ms25.csv``, ``gps.csv``, and its ground truth where it is there."""
-    imu = _numbers(folder / "ms25.csv", 10, ",")
-    fixes = _numbers(folder / "gps.csv", 8, ",")
+    imu = _numbers(_one(folder, "ms25.csv"), 10, ",")
+    fixes = _numbers(_one(folder, "gps.csv"), 8, ",")
     fixes = fixes[(fixes[:, 1] >= _NCLT_FIX) & np.isfinite(fixes[:, 3:6]).all(axis=1)]
     track, speed = fixes[:, 6], fixes[:, 7]
     velocity_n = np.column_stack((speed * np.cos(track), speed * np.sin(track), np.full(len(fixes), np.nan)))
