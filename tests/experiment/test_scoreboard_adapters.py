@@ -108,6 +108,15 @@ def test_nclt_has_its_own_place_and_no_fix_without_a_mode(tmp_path: Path, log: T
     assert np.abs(displacement(place[near], found.reference.position[near])).max() < 0.3
 
 
+@pytest.mark.parametrize("name", ["navego_adis16405", "navego_adis16488"])
+def test_the_biases_of_a_synthetic_set_are_correlated_as_its_example_makes_them(name: str) -> None:
+    """navego_example_synth.m has gb_corr and ab_corr of 100 s, and its biases per hour and in mg."""
+    about = data_set(name)
+    sensors = about.settings["sensors"]
+    assert [sensors[triad]["correlation_time"] for triad in ("gyro", "accelerometer")] == [100.0, 100.0]
+    assert any(f"{sensors['accelerometer']['instability']:g} mg over 100 s" in one for one in about.assumed)
+
+
 def test_a_rover_without_attitude_is_a_log(tmp_path: Path, log: Tables) -> None:
     found = read(data_set("navego_canada"), public_sets.canada(tmp_path / "navego_canada", log))
     as_written(found, log)
