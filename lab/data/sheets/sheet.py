@@ -33,6 +33,7 @@ from lab.data.sheets.sheet_cells import (
     offsets_of_zones,
     rows_of,
     signs_of_sides,
+    without_long_lines,
     without_placeholders,
 )
 from lab.data.sheets.sheet_layout import (
@@ -210,14 +211,17 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
     width = len(layout.headings) if rows else ended(layout.headings)
     columns: list[FloatArray] = [np.empty(0)] * len(places)
     texts: dict[int, str] = {}
+    below, long = (data[start:], 0) if rows else without_long_lines(data[start:])
     if rows is None or rows.lines.size:
-        columns, texts = _numbers(name, data[start:], layout, places, headings, width)
+        columns, texts = _numbers(name, below, layout, places, headings, width)
     if rows is not None:
         columns = [column[1:] for column in columns]  # pandas takes the number of cells from the first row
     if rows is not None and any(len(column) != len(rows.lines) for column in columns):
         raise MissionError(f"{name}: its rows cannot be told from each other; accepted is one row a line")
     columns, headings, texts = _on_their_side(columns, headings, texts)
     columns, remarks = _without_placeholders(name, headings, columns)
+    if long:
+        remarks += (f"{name}: {long} lines are many times as long as the others, and are left out.",)
     if layout.profile is not None:
         own = layout.profile
         is_named = own.columns and not own.simulator

@@ -273,6 +273,25 @@ def rows_of(data: bytes, first_line: int, delimiter: str, fewest: int, most: int
     return Rows(b"".join(kept), np.concatenate(numbers), count, first, lost)
 
 
+_LONG, _LONGER = 8, 4096
+"""Length of a line, over the usual one and beside it [bytes], from which its cells are those of damage. The
+parser gives every line behind it as many cells."""
+
+
+def without_long_lines(data: bytes) -> tuple[bytes, int]:
+    """Return rows without the lines that are many times as long as the others, and how many these are."""
+    ends = np.flatnonzero(np.frombuffer(data, dtype=np.uint8) == ord("\n"))
+    bounds = np.concatenate(([0], ends + 1, [len(data)] if not ends.size or ends[-1] + 1 < len(data) else []))
+    bounds = bounds.astype(np.int64)
+    lengths = np.diff(bounds)
+    bad = lengths > _LONG * float(np.median(lengths)) + _LONGER if lengths.size else np.zeros(0, bool)
+    if not bad.any():
+        return data, 0
+    starts = np.concatenate(([0], bounds[1:][bad]))
+    stops = np.concatenate((bounds[:-1][bad], [len(data)]))
+    return b"".join(data[a:b] for a, b in zip(starts, stops, strict=True)), int(bad.sum())
+
+
 def _pieces(data: bytes) -> Iterator[bytes]:
     """Cut a text at ends of lines, which are left out: the numbers of all characters would not be small."""
     start = 0
