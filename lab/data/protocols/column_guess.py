@@ -50,6 +50,9 @@ from lab.data.protocols.number_guess import (
 from lab.data.protocols.text_cells import IS_CELL, IS_CLOCK, IS_NUMBER, IS_STAMP, IS_VALUE, cells_in, value_of
 from lab.data.sheets.column_names import given_heading, heading_of
 
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
+_COMMAS = re.compile(r"[+-]?\d+(?:, ?[+-]?\d+){3,}")
+_PADDED = re.compile(r"\b0\d")
 _PREFIX = re.compile(r"[^\d+\-.,;\s]{1,16}[=:]?")
 _STREAMED = (
     ("count", "", re.compile(r"count|counter|sample|n|index")),
@@ -103,10 +106,29 @@ def guess_columns(
         is_whole = all(any(line.startswith(first) for line in lines) for first, *_ in columns.texts)
         if is_whole and sum(pattern.match(line) is not None for line in lines) >= PERIODS:
             return replace(columns, remarks=(f"{whose}.",))
+    if not said and _have_decimal_commas(lines):
+        return None  # which comma ends a number is not known
     try:
         return _of_separated(lines, said, whole) or _of_labelled(lines, said, whole)
     except _MoreLinesError:
         return None
+
+
+def _have_decimal_commas(lines: Sequence[str]) -> bool:
+    """Return whether whole numbers between commas are the parts of numbers with a decimal comma.
+
+    Whole numbers do not begin with a zero, and do not have the same number of digits in every line.
+    """
+    rows = [line.strip().split(",") for line in lines if _COMMAS.fullmatch(line.strip())][1:]
+    if len(rows) < PERIODS or len({len(row) for row in rows}) != 1:
+        return False
+    return (
+        sum(
+            len({*map(len, cells)}) == 1 and _PADDED.search(" ".join(cells)) is not None
+            for cells in zip(*rows, strict=True)
+        )
+        >= AXES
+    )
 
 
 class _MoreLinesError(Exception):
@@ -115,6 +137,8 @@ class _MoreLinesError(Exception):
 
 def _of_separated(lines: Sequence[str], said: Mapping[str, str], whole: bool) -> ColumnMap | None:
     """Return the map of lines of cells with separators."""
+    # A network may deliver each line twice.
+    lines = [line for line, before in zip(lines, ("", *lines), strict=False) if line != before]
     shape = _shape(lines)
     if shape is None:
         return None
@@ -376,14 +400,14 @@ def _shape(lines: Sequence[str]) -> _Shape | None:
     best: _Shape | None = None
     best_score = (False, 0)
     for separator in SEPARATORS.values():
-        headed = {len(cells) for line in lines if (cells := _heads(line, separator))}
-        for comma in (False, True) if separator in ";\t" else (False,):
+        headed = {len(cells) for line in lines if (cells := headings_in(line, separator))}
+        for comma in (False, True) if separator != "," else (False,):
             kinds: dict[tuple[str, str, int], list[list[str]]] = {}
             for line in lines:
                 prefix = _prefix_of(line, separator)
                 cells = cells_of(line[len(prefix) :], separator)
                 if comma:
-                    cells = [cell.replace(",", ".") for cell in cells]
+                    cells = [_DECIMAL_COMMA.sub(".", cell) for cell in cells]
                 if not AXES <= len(cells) <= MAX_COLUMNS:
                     continue
                 if sum(1 for cell in cells if IS_NUMBER.fullmatch(cell)) < AXES:
@@ -432,7 +456,7 @@ def _says_little(cell: str, separator: str) -> bool:
     return separator != " " and not cells_in(cell).kinds
 
 
-def _heads(line: str, separator: str) -> list[str]:
+def headings_in(line: str, separator: str) -> list[str]:
     """Return the headings in a line; none if a cell is empty or a number."""
     cells = [
         cell.strip(" \"'\ufeff") for cell in line.lstrip("#% ").split(separator if separator != " " else None)
@@ -449,7 +473,7 @@ def _header(lines: Sequence[str], separator: str, count: int) -> list[str] | Non
 
     Where that holds units alone, those of the line before, each with its unit.
     """
-    found = [cells for line in lines if len(cells := _heads(line, separator)) == count][-2:]
+    found = [cells for line in lines if len(cells := headings_in(line, separator)) == count][-2:]
     if len(found) == 2 and all(any(unit_of(kind, cell) for kind in UNITS) for cell in found[1]):
         return [f"{heading} [{unit}]" for heading, unit in zip(*found, strict=True)]
     return found[-1] if found else None

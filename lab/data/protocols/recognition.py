@@ -42,6 +42,8 @@ _HEX = re.compile(
     rb"(?=\s*$|\s{1,2}\S|\|)"
 )
 """A line of bytes as hexadecimal numbers, with or without their place before it, as of xxd and hexdump."""
+_UNCHECKED = re.compile(rb"\$[A-Z]{2}(?:GGA|GNS|RMC|GLL|VTG),[^*$\r\n]{10,120}[\r\n]")
+"""A sentence of a receiver without a check."""
 _MOSTLY = 0.5
 """Part of the bytes in sound frames from which they are named: text about a protocol has fewer."""
 _WHOLE = 0.995
@@ -118,6 +120,8 @@ def sound_frames(data: bytes) -> str:
             f"These are bytes printed as hexadecimal numbers. {printed[0].evidence} Send the bytes "
             "themselves, or make a file of them: xxd -r -p TEXT > BYTES, without -p where lines have places."
         )
+    if (unchecked := len(_UNCHECKED.findall(data[:_LARGEST]))) > _FEWEST[False]:
+        return f"NMEA, {unchecked} sentences without a check: have the device send it, such as *5A."
     best, text = 0, ""
     for name, (position, imu) in _TURN_ON.items():
         decoder = _made(name)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.data.protocols import text_cells
-from lab.data.protocols.column_guess import guess_columns
+from lab.data.protocols.column_guess import guess_columns, headings_in, named
 from lab.data.protocols.column_map import (
     CLOCK,
     IGNORED,
@@ -65,6 +65,8 @@ _CHECKED = re.compile(r"(\$[ -)+-~]*)\*([0-9A-Fa-f]{2})\s*")
 """A line with the check of NMEA."""
 _OF_IMU = re.compile(r"(?i)\$[A-Z]{0,8}(?:IMU|INS|ACC|GYR|AHRS|MEMS|SENS|CHRS)")
 """Begin of such lines that are read: those of receivers are full of numbers, too."""
+_OF_RECEIVER = re.compile(r"\$(?:[A-Z]{2}(?:GGA|GNS|RMC|GLL|VTG|GSA|GSV|GST|ZDA|HDT|THS)|PUBX),")
+"""Begin of sentences of receivers, which hold no IMU even without a check."""
 _PIECE = 2**16  # bytes decoded at once
 
 
@@ -190,6 +192,10 @@ class TextLines:
                 self.last.append(text)
                 return
             text = checked[1]
+        elif not (self._map or self._said) and _OF_RECEIVER.match(text):
+            self.statistics.skipped += len(line)
+            self.last.append(text)
+            return
         if not self._whole and _begins_with_number(text):
             self.statistics.skipped += len(line)
             return
@@ -254,6 +260,12 @@ class TextLines:
             if f"{name}_x" in self._places
         }
 
+    def read_times_in(self, unit: str) -> None:
+        """Read the times in another unit from the next line on."""
+        if self._map is not None:
+            self._units = {**self._units, "time": unit}
+            self._use(self._map)
+
     def answer(self, unit: str) -> float:
         """Read the rates in a unit from the next line on; return the factor for those that were read.
 
@@ -315,7 +327,21 @@ class TextLines:
             self._part, self._line_of = [], 0
         return None if self._line_of else self._patterns[0].fullmatch(text)
 
+    def _is_another_header(self, text: str) -> bool:
+        """Return whether a line names other columns than those in use, as after a restart."""
+        columns = () if self._map is None or self._map.texts or self._said else self._map.columns
+        headings = headings_in(text, self._map.separator) if self._map is not None and columns else []
+        if not columns or len(headings) != len(columns):
+            return False
+        found = [one for one in named(headings, []) if one.kind not in self._units]
+        return any(one.unit and one not in columns for one in found)
+
     def _leave_out(self, text: str, size: int) -> None:
+        if self._is_another_header(text):
+            self._map, self._seen = None, 1
+            self._held.clear()
+            self._hold(text, 0)
+            return
         if _begins_with_number(text):
             self.statistics.failed += 1
         else:

@@ -35,8 +35,12 @@ class AxisUnitLimits:
         that show its unit: tilts by 14° and 23°.
     blocks : int
         Fewest blocks in each of them, a second.
+    in_a_row : int
+        Fewest blocks in a row that show another unit of all axes: 5 s.
     against : float
         Largest part of blocks that speak against it: hands push the device.
+    memory : float
+        Time after which blocks have lost 63 % of their weight [s].
     explained : float
         Least part of the turns of gravity that the rates explain.
     sigma : float
@@ -48,7 +52,9 @@ class AxisUnitLimits:
     low: float = 0.06
     high: float = 0.15
     blocks: int = 5
+    in_a_row: int = 25
     against: float = 0.1
+    memory: float = 60.0
     explained: float = 0.8
     sigma: float = 0.1
 
@@ -82,18 +88,19 @@ class AxisUnits:
             [units.get(f"{kind}_{axis}", "") for axis in "xyz"] for kind in ("force", "rate")
         )
         known = all(unit in _ALIKE["force"] for unit in self._force)
-        # Of each axis, the units that it may have; one axis at least is read right.
+        # Of each axis, the units that it may have; one axis at least is read right, or all are as wrong.
         units_of_axes = [
             (unit, *(one for one in _ALIKE["force"] if one != unit)) for unit in self._force if known
         ]
         self._others = [
             one
             for one in product(*units_of_axes)
-            if known and any(a == b for a, b in zip(one, self._force, strict=True))
+            if known and (len(set(one)) == 1 or any(a == b for a, b in zip(one, self._force, strict=True)))
         ]
         self._factors = np.array([_factors("force", one, self._force) for one in self._others]).reshape(-1, 3)
         self._wins = np.zeros(len(self._others))
         self._losses = np.zeros(len(self._others))
+        self._run = np.zeros(len(self._others))  # blocks in a row that speak for it
         self._shown = np.zeros((2, len(self._others), 3))  # blocks in which an axis feels little and much
         self._last: FloatArray | None = None  # number, direction and turn of the last block
         self._normal, self._right = np.zeros((3, 3)), np.zeros(3)
@@ -138,8 +145,11 @@ class AxisUnits:
         felt = squares[:, None] * self._factors**2 / STANDARD_GRAVITY**2
         fits = np.abs(felt.sum(axis=2) - 1) < LIMITS.near
         usual = fits[:, :1]
-        self._wins += (fits & ~usual).sum(axis=0)
-        self._losses += (~fits & usual).sum(axis=0)
+        # A device may begin anew in other units.
+        self._run = np.where((fits & ~usual).all(axis=0), self._run + len(felt), 0)
+        kept = np.exp(-TURNS.block * len(felt) / LIMITS.memory)
+        self._wins = kept * self._wins + (fits & ~usual).sum(axis=0)
+        self._losses = kept * self._losses + (~fits & usual).sum(axis=0)
         for which, felt_so in enumerate((felt < LIMITS.low, felt > LIMITS.high)):
             self._shown[which] += (fits[..., None] & felt_so).sum(axis=0)
 
@@ -148,6 +158,7 @@ class AxisUnits:
         changed = self._factors != 1
         shown = ((self._shown >= LIMITS.blocks).all(axis=0) | ~changed).all(axis=1) & changed.any(axis=1)
         shown &= (self._wins >= LIMITS.blocks) & (self._losses <= LIMITS.against * self._wins)
+        shown = np.where(changed.all(axis=1), self._run >= LIMITS.in_a_row, shown)
         best = int(np.argmax(np.where(shown, self._wins, -1))) if shown.any() else 0
         return self._others[best] if shown.any() else None
 
@@ -209,9 +220,12 @@ class AxisUnits:
             "rate": ("angular rates", "only so they turn the direction of gravity as it turned"),
         }[kind]
         options = " ".join(f"--column '{number}={text}'" for number, text in self.said.items())
+        begin = f"The axes of the {what} are in different units, {words}"
+        if len(named) == 1:
+            begin = f"The {what} is in {units[0]} now"
         self.sentence = (
-            f"The axes of the {what} are in different units, {words}: {why}. They are read in "
-            f"{' and '.join(dict.fromkeys(now))}, so what is navigated is wrong. {options} reads them right."
+            f"{begin}: {why}. The columns are read in {' and '.join(dict.fromkeys(now))}, so what is navigated is "
+            f"wrong. {options} reads them right."
         )
 
 

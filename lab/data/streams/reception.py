@@ -7,6 +7,7 @@ samples, bit for bit. Bytes -> samples (`StreamDetector`) -> times (`ImuClock`) 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -29,6 +30,13 @@ from lab.data.streams.vehicle_rows import NO_FIXES, NO_IMU, FixRows, VehicleRows
 
 Rows = NDArray[np.void]
 
+_PACED = 3.0
+"""Time over which the times of a text are compared with those of their arrival, twice in a row [s]."""
+_NEAR_THOUSAND = 0.05
+"""Largest part of a power of 1000 by which the pace may miss it: a factor of 1.4."""
+_TIMES = ("s", "ms", "µs", "ns")
+"""Units of times that differ by 1000."""
+_UNPACED = (math.nan, math.nan, 0)
 _SHOWN_BY_TURNS = ("mrad/s", "m°/s")
 """Units of rates that nobody is asked about, as sensors send them rarely, but that a turn may show."""
 
@@ -123,6 +131,7 @@ class Reception:
         self.axis_units: AxisUnits | None = None
         self._factor = 1.0
         self.decided = ""
+        self._paced = _UNPACED  # when a time of text arrived, the time, and its pace in powers of 1000
 
     @property
     def loss(self) -> Loss:
@@ -243,6 +252,7 @@ class Reception:
         self.fixes.clock.restart()
         self.rows.restart()
         self._question = self.axis_units = None
+        self._paced = _UNPACED
         return timed
 
     def _all_timed(self, parts: list[tuple[Samples, float]]) -> tuple[Rows, Rows]:
@@ -255,7 +265,7 @@ class Reception:
     def _timed(self, samples: Samples, arrival: float) -> tuple[Rows, Rows]:
         imu, fix = NO_IMU, NO_FIXES
         if len(samples.imu):
-            rows = self.rows.with_both_triads(samples.imu)
+            rows = self._in_its_time(self.rows.with_both_triads(samples.imu), arrival)
             imu = self._asked(self.imu.timed(rows, arrival, self.detector.wrap_period))
             self._compare_axes(imu)
         if len(samples.fix):
@@ -266,6 +276,38 @@ class Reception:
             timed["attitude"] = self.rows.axes.attitude(timed["attitude"])
             self._readings.append(timed)
         return imu, fix
+
+    def _in_its_time(self, rows: Rows, arrival: float) -> Rows:
+        """Return rows of a text in another unit of time, if theirs is a thousand times too fast or slow."""
+        decoder = self.detector.decoder
+        if not isinstance(decoder, TextLines) or decoder.columns is None or not len(rows):
+            return rows
+        time = float(rows["time"][-1])
+        if math.isnan(time):
+            return rows
+        begun, first, power = self._paced
+        if not arrival - begun >= _PACED:
+            self._paced = (arrival, time, power) if math.isnan(begun) else self._paced
+            return rows
+        pace = (time - first) / (arrival - begun)
+        thousands = math.log10(pace) / 3 if pace > 0 else 0.0
+        now = round(thousands) if abs(thousands - round(thousands)) < _NEAR_THOUSAND else 0
+        self._paced = arrival, time, now
+        if not now or now != power:
+            return rows
+        units = {one.quantity: one.unit for one in decoder.columns.columns}
+        scale = UNITS_OF["time"][units["time"]] / 1000.0**now
+        unit = next((one for one in _TIMES if math.isclose(UNITS_OF["time"][one], scale)), "")
+        if not unit:
+            return rows
+        decoder.read_times_in(unit)
+        self.imu.restart()
+        self.imu.watch.usual = math.nan
+        self._paced = _UNPACED
+        self.decided = f"The times are in {unit}, not in {units['time']}, as their arrival shows."
+        rows = rows.copy()
+        rows["time"] /= 1000.0**now
+        return rows
 
     def _compare_axes(self, imu: Rows) -> None:
         """See whether the axes of a text have one unit each."""

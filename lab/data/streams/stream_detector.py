@@ -60,6 +60,8 @@ class StreamDetector:
         self._first: deque[Chunk] = deque()
         self._held = 0  # bytes in them
         self._tried: float | None = None  # when a protocol was last looked for
+        self._found_out = not protocol
+        self._again = False  # whether the device was lost, and another one may come
 
     def _made(self) -> Decoder:
         if self.protocol == TextLines.name:
@@ -98,8 +100,10 @@ class StreamDetector:
 
     def accept(self, chunk: Chunk) -> list[tuple[Samples, float]]:
         """Return the samples in bytes that arrived, with the times of their arrival [s]."""
-        if self.decoder is not None:
+        if self.decoder is not None and not self._again:
             return [(self.decoder.feed(chunk.data), chunk.arrival)]
+        if self.decoder is not None:
+            return self._as_before(self.decoder, chunk)
         self._first.append(chunk)
         self._held += len(chunk.data)
         if not self._found(chunk.arrival):
@@ -118,6 +122,22 @@ class StreamDetector:
         self._before.bytes -= self._held
         self.protocol, self.evidence, self._columns, self._said = TextLines.name, "", None, dict(said)
         return self._decoded()
+
+    def _as_before(self, decoder: Decoder, chunk: Chunk) -> list[tuple[Samples, float]]:
+        """Decode what comes after a loss, unless it is of another device."""
+        self._first.append(chunk)
+        self._held += len(chunk.data)
+        found = decoder.feed(chunk.data)
+        if decoder.statistics.frames:
+            self._again, self._held = False, 0
+            self._first.clear()
+            return [(found, chunk.arrival)]
+        said = self.evidence
+        if self._found(chunk.arrival):
+            self._again, self._columns = False, None
+            return self._decoded()
+        self.evidence = said
+        return [(found, chunk.arrival)]
 
     def _decoded(self) -> list[tuple[Samples, float]]:
         decoder = self.decoder = self._made()
@@ -148,6 +168,7 @@ class StreamDetector:
             if self._columns is None and isinstance(self.decoder, TextLines):
                 self._columns = self.decoder.columns
             self.decoder = self._made()
+            self._again = self._found_out
         self._first.clear()
         self._held, self._tried = 0, None
         return rest

@@ -143,7 +143,7 @@ def test_samples_are_counted_where_the_device_has_no_clock() -> None:
     assert np.abs(np.diff(imu["time"]) - 0.01).max() < 1e-4
     given = Reception(columns=columns, rate=100.0)
     received(given, lines)
-    assert given.timing.endswith("given")
+    assert given.imu.timing.endswith("given")
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_whatever_the_times_are_those_of_the_host_increase(
                 table["force" if triads == "rate" else "rate"][k] = np.nan
         tables.append(table)
     reception = Reception("text", rate=rate)
-    reception._detector.decoder = Told(tables)
+    reception.detector.decoder = Told(tables)
     arrival, found = HOST, []
     for wait, _ in parts:
         arrival += wait
@@ -283,7 +283,7 @@ def test_a_counter_that_stands_still_is_none() -> None:
     sent = motion(500)
     sent["time"], sent["count"] = np.nan, 7
     reception = Reception("text")
-    reception._detector.decoder = Told([row[None] for row in sent])
+    reception.detector.decoder = Told([row[None] for row in sent])
     imu = np.concatenate([reception.accept(Chunk(HOST + 0.01 * k, b"x"))[0] for k in range(len(sent))])
     assert reception.imu.timing == "by the number of samples at 100 Hz, measured"
     assert len(imu) == len(sent)

@@ -81,7 +81,7 @@ def test_the_first_turn_decides_whatever_was_assumed(unit, turn, assumed):
     rates = received(chunks[:200], reception)
     reception.answer(assumed)
     # As if the guess had been this one.
-    reception._detector.decoder._scale(
+    reception.detector.decoder._scale(
         reception.detector.columns.__class__(
             reception.detector.columns.columns,
             doubt=(reception.detector.columns.columns[5].unit, "rad/s", "°/s"),
@@ -159,8 +159,9 @@ def test_a_recording_knows_the_question_and_its_answer(tmp_path):
     received(chunks[:250], live)
     part = tmp_path / "part.inslab"
     header = {
-        "protocol": live.protocol, "columns": str(live.columns), "doubt": list(live.doubt), "axes": "x,y,z",
-        "rate": live.rate, "clock": live.clock.state, "watch": live.watch.state, "counted": live.counted,
+        "protocol": live.detector.protocol, "columns": str(live.detector.columns), "doubt": list(live.doubt),
+        "axes": "x,y,z", "rate": live.imu.rate, "clock": live.imu.clock.state, "watch": live.imu.watch.state,
+        "counted": live.imu.counted,
     }  # fmt: skip
     writer = RawWriter(part, header)
     for chunk in chunks[250:]:
