@@ -224,8 +224,8 @@ class AxisUnits:
         if len(named) == 1:
             begin = f"The {what} is in {units[0]} now"
         self.sentence = (
-            f"{begin}: {why}. The columns are read in {' and '.join(dict.fromkeys(now))}, so what is navigated is "
-            f"wrong. {options} reads them right."
+            f"{begin}: {why}. The columns are read in {' and '.join(dict.fromkeys(now))}, so what is "
+            f"navigated is wrong. {options} reads them right."
         )
 
 
