@@ -115,6 +115,8 @@ class TextLines:
         self.before = 0
         self.last: deque[str] = deque(maxlen=_SEEN)
         self.is_unrecognised = False
+        self._known: set[str] = set()  # lines in which the columns were found
+        self._guessed = 0  # lines read before
         self._fix = (NAN, NAN, NAN)
         self._part: list[str] = []  # cells of the lines of a sample that have come
         self._line_of = 0  # the line of the sample that is next
@@ -224,10 +226,12 @@ class TextLines:
         if found is None:
             return
         self._use(found)
-        for text, end in self._held:
-            if text:
-                self._accept(text, len(text), end)
+        held = [line for line in self._held if line[0]]
         self._held.clear()
+        self._known = {text for text, _ in held}
+        self._guessed = self.statistics.frames
+        for text, end in held:
+            self._accept(text, len(text), end)
 
     def _use(self, columns: ColumnMap) -> None:
         for kind, unit in self._units.items():
@@ -331,15 +335,16 @@ class TextLines:
         """Return whether a line names other columns than those in use, as after a restart."""
         columns = () if self._map is None or self._map.texts or self._said else self._map.columns
         headings = headings_in(text, self._map.separator) if self._map is not None and columns else []
-        if not columns or len(headings) != len(columns):
+        if not columns or len(headings) != len(columns) or text in self._known:
             return False
+        if self.statistics.frames < self._guessed + _HELD:
+            return False  # a guess takes as long as to read that many lines
         found = [one for one in named(headings, []) if one.kind not in self._units]
         return any(one.unit and one not in columns for one in found)
 
     def _leave_out(self, text: str, size: int) -> None:
         if self._is_another_header(text):
             self._map, self._seen = None, 1
-            self._held.clear()
             self._hold(text, 0)
             return
         if _begins_with_number(text):

@@ -170,6 +170,7 @@ class Reception:
             "clock": self.imu.clock.state,
             "watch": self.imu.watch.state,
             "counted": self.imu.counted,
+            "found out": self.detector.found_out,
         }
 
     def restore(self, header: Mapping[str, Any]) -> None:
@@ -177,6 +178,7 @@ class Reception:
         if "clock" in header:
             self.imu.clock = DeviceClock.restored(header["clock"])
         self.imu.watch.restore(header.get("watch"))
+        self.detector.found_out |= header.get("found out") is True
         number = header.get("counted")
         if isinstance(number, int) and 0 <= number < 2**53:
             self.imu.counted = number

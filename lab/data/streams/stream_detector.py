@@ -38,6 +38,8 @@ class StreamDetector:
         The protocol, empty while it is unknown; and what speaks for it, or why nothing is recognised.
     decoder : Decoder or None
         The decoder; None while the protocol is unknown.
+    found_out : bool
+        Whether the protocol is found out: after the device was lost, that of another one is.
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ class StreamDetector:
         self._first: deque[Chunk] = deque()
         self._held = 0  # bytes in them
         self._tried: float | None = None  # when a protocol was last looked for
-        self._found_out = not protocol
+        self.found_out = not protocol
         self._again = False  # whether the device was lost, and another one may come
 
     def _made(self) -> Decoder:
@@ -168,7 +170,7 @@ class StreamDetector:
             if self._columns is None and isinstance(self.decoder, TextLines):
                 self._columns = self.decoder.columns
             self.decoder = self._made()
-            self._again = self._found_out
+            self._again = self.found_out
         self._first.clear()
         self._held, self._tried = 0, None
         return rest
