@@ -22,7 +22,7 @@ import lab.live
 from lab.data.streams.recorded_log import recorded_samples
 from lab.data.streams.ring import ROOM
 from lab.data.streams.source_status import LOST, STALE
-from lab.live.live_navigator import LiveNavigator
+from lab.live.live_navigator import STEP, LiveNavigator
 from lab.live.simulated.simulated_transport import SimulatedTransport
 from lab.live.station import Station
 from lab.navigation.settings import NavigatorSettings
@@ -99,8 +99,9 @@ def test_no_sample_is_lost_and_the_navigator_gets_it_soon(
     assert samples.reception.loss.missing == 0
     if len(samples.imu) <= ROOM[0]:
         assert samples.imu.tobytes() == received.tobytes()
-    assert np.median(delay) <= 2.0
-    assert np.percentile(delay, 99) <= 20.0
+    # A step of samples goes to the navigator at once, when its last sample is there.
+    assert np.median(delay) <= 35.0
+    assert np.percentile(delay, 99) <= 1e3 * STEP + 20.0
 
 
 def test_an_unplugged_device_is_shown_and_comes_back(tmp_path: Path) -> None:

@@ -138,6 +138,40 @@ def test_unplugging_is_shown_and_survived(line: str, tmp_path: Path) -> None:
     assert recorded_samples(path).imu.tobytes() == live.tobytes()
 
 
+def test_who_waits_for_a_sample_is_woken_by_it_and_by_no_other() -> None:
+    transport, source = scripted()
+    chunks, transport.steps = transport.steps, []
+    waiting, woken = threading.Event(), threading.Event()
+    with source:
+        transport.steps.append(chunks[0])
+        until(lambda: source.end.imu == 1)
+        cursor = source.end
+        first = float(source.since().imu["time"][0])
+
+        def wait() -> None:
+            waiting.set()
+            source.wait(cursor, 60.0, first + 0.095)
+            woken.set()
+
+        thread = threading.Thread(target=wait)
+        thread.start()
+        waiting.wait()
+        until(lambda: source._awaited == [first + 0.095])
+        step = float(np.diff(motion(2)["time"])[0])
+        early = int(0.09 / step)
+        for number, chunk in enumerate(chunks[1 : early + 1], 2):
+            transport.steps.append(chunk)
+            until(lambda end=number: source.end.imu == end)
+        assert not woken.is_set()
+        for chunk in chunks[early + 1 : early + 10]:
+            transport.steps.append(chunk)
+        thread.join()
+        assert woken.is_set()
+        assert source._newest >= first + 0.095
+        # What came meanwhile is not waited for.
+        assert source.wait(cursor, 60.0, first + 0.095)
+
+
 def test_silence_is_stale() -> None:
     _, source = scripted(50)
     with source:
