@@ -90,6 +90,8 @@ class TextLines:
         The last lines before the columns are known.
     is_unrecognised : bool
         Whether columns were looked for, and none were found.
+    follows_headers : bool
+        Whether a header that comes later may name other columns: no person has named them.
     """
 
     name = "text"
@@ -115,8 +117,9 @@ class TextLines:
         self.before = 0
         self.last: deque[str] = deque(maxlen=_SEEN)
         self.is_unrecognised = False
+        self.follows_headers = columns is None and not said
         self._known: set[str] = set()  # lines in which the columns were found
-        self._guessed = 0  # lines read before
+        self._guessed = -_HELD  # lines read before
         self._fix = (NAN, NAN, NAN)
         self._part: list[str] = []  # cells of the lines of a sample that have come
         self._line_of = 0  # the line of the sample that is next
@@ -333,14 +336,16 @@ class TextLines:
 
     def _is_another_header(self, text: str) -> bool:
         """Return whether a line names other columns than those in use, as after a restart."""
-        columns = () if self._map is None or self._map.texts or self._said else self._map.columns
-        headings = headings_in(text, self._map.separator) if self._map is not None and columns else []
-        if not columns or len(headings) != len(columns) or text in self._known:
+        columns = self._map
+        # A guess takes as long as to read the lines that are held.
+        is_late = self.statistics.frames >= self._guessed + _HELD
+        if columns is None or columns.texts or not is_late or not self.follows_headers or text in self._known:
             return False
-        if self.statistics.frames < self._guessed + _HELD:
-            return False  # a guess takes as long as to read that many lines
+        headings = headings_in(text, columns.separator)
+        if len(headings) != len(columns.columns):
+            return False
         found = [one for one in named(headings, []) if one.kind not in self._units]
-        return any(one.unit and one not in columns for one in found)
+        return any(one.unit and one not in columns.columns for one in found)
 
     def _leave_out(self, text: str, size: int) -> None:
         if self._is_another_header(text):

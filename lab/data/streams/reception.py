@@ -178,7 +178,8 @@ class Reception:
         if "clock" in header:
             self.imu.clock = DeviceClock.restored(header["clock"])
         self.imu.watch.restore(header.get("watch"))
-        self.detector.found_out |= header.get("found out") is True
+        if header.get("found out") is True:
+            self.detector.find_out()
         number = header.get("counted")
         if isinstance(number, int) and 0 <= number < 2**53:
             self.imu.counted = number
@@ -282,10 +283,8 @@ class Reception:
     def _in_its_time(self, rows: Rows, arrival: float) -> Rows:
         """Return rows of a text in another unit of time, if theirs is a thousand times too fast or slow."""
         decoder = self.detector.decoder
-        if not isinstance(decoder, TextLines) or decoder.columns is None or not len(rows):
-            return rows
-        time = float(rows["time"][-1])
-        if math.isnan(time):
+        time = float(rows["time"][-1]) if len(rows) else math.nan
+        if not isinstance(decoder, TextLines) or decoder.columns is None or math.isnan(time):
             return rows
         begun, first, power = self._paced
         if not arrival - begun >= _PACED:
@@ -295,9 +294,9 @@ class Reception:
         thousands = math.log10(pace) / 3 if pace > 0 else 0.0
         now = round(thousands) if abs(thousands - round(thousands)) < _NEAR_THOUSAND else 0
         self._paced = arrival, time, now
-        if not now or now != power:
-            return rows
         units = {one.quantity: one.unit for one in decoder.columns.columns}
+        if not now or now != power or units["time"] not in _TIMES:
+            return rows
         scale = UNITS_OF["time"][units["time"]] / 1000.0**now
         unit = next((one for one in _TIMES if math.isclose(UNITS_OF["time"][one], scale)), "")
         if not unit:

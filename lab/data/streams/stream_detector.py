@@ -58,16 +58,18 @@ class StreamDetector:
         self.evidence = ""
         self._columns, self._said, self._units = columns, dict(said), dict(units)
         self._before = Statistics()
+        self.found_out = not protocol
         self.decoder: Decoder | None = self._made() if protocol else None
         self._first: deque[Chunk] = deque()
         self._held = 0  # bytes in them
         self._tried: float | None = None  # when a protocol was last looked for
-        self.found_out = not protocol
         self._again = False  # whether the device was lost, and another one may come
 
     def _made(self) -> Decoder:
         if self.protocol == TextLines.name:
-            return TextLines(self._columns, self._said, self._units)
+            made = TextLines(self._columns, self._said, self._units)
+            made.follows_headers |= self.found_out
+            return made
         return decoder_of(self.protocol)
 
     @property
@@ -123,7 +125,14 @@ class StreamDetector:
         self._before = self.statistics
         self._before.bytes -= self._held
         self.protocol, self.evidence, self._columns, self._said = TextLines.name, "", None, dict(said)
+        self.found_out = False
         return self._decoded()
+
+    def find_out(self) -> None:
+        """Go on as if the protocol had been found out, as a recording says that it was."""
+        self.found_out = True
+        if isinstance(self.decoder, TextLines):
+            self.decoder.follows_headers = True
 
     def _as_before(self, decoder: Decoder, chunk: Chunk) -> list[tuple[Samples, float]]:
         """Decode what comes after a loss, unless it is of another device."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from further_outputs import DEGREE, G
 
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.samples import FIX, IMU
+from lab.data.streams.raw_recording import DEVICE_LOST, RawWriter
 from lab.data.streams.reception import Reception
+from lab.data.streams.recorded_log import recorded_samples
 from lab.data.streams.transport import Chunk
 
 TRUE_FORCE, TRUE_RATE = np.array([0.1, -0.2, -9.8]), np.array([0.002, -0.001, 0.003])
@@ -179,3 +182,41 @@ def test_sentences_of_a_receiver_without_a_check_are_no_imu():
     reception = Reception()
     assert not len(received(reception, chunks(text.encode().splitlines(keepends=True), 10)))
     assert "without a check" in reception.detector.evidence
+
+
+def test_a_recording_of_a_change_of_the_device_gives_the_same_samples(tmp_path: Path):
+    def head(force: str) -> bytes:
+        return (
+            ",".join([f"a{axis}({force})" for axis in "xyz"] + [f"g{axis}(rad/s)" for axis in "xyz"]) + "\n"
+        ).encode()
+
+    first = chunks([head("m/s2"), *lines(at_rest(300, 100))], 100)
+    again = chunks([head("g"), *lines(at_rest(300, 100, seed=2), None, G)], 100, 107.0)
+    other = chunks(binary(at_rest(300, 100, seed=3)), 100, 115.0)
+    live = Reception()
+    received(live, first)
+    path = tmp_path / "change.inslab"
+    writer = RawWriter(path, live.header)
+    parts = []
+    for stream in (again, other):
+        for chunk in stream:
+            writer.accept(chunk)
+        parts += [received(live, stream), live.lose(stream[-1].arrival)[0]]
+        writer.tell(stream[-1].arrival, {DEVICE_LOST: "unplugged"})
+    writer.close()
+    seen = np.concatenate(parts)
+    np.testing.assert_allclose(np.median(seen["force"], axis=0), TRUE_FORCE, atol=0.02)
+    recorded = recorded_samples(path).imu
+    for name in ("rate", "force", "arrival"):
+        assert recorded[name].tobytes() == seen[name].tobytes(), name
+    assert (recorded["gap"][1:] == seen["gap"][1:]).all()  # a recording begins with a gap
+    np.testing.assert_allclose(recorded["time"], seen["time"], atol=0.02)
+
+
+def test_columns_that_a_person_named_are_kept_whatever_a_header_says():
+    named = "force_x[m/s²],force_y[m/s²],force_z[m/s²],rate_x[rad/s],rate_y[rad/s],rate_z[rad/s]"
+    reception = Reception(columns=named)
+    parts = lines(at_rest(500, 100))
+    parts[300:300] = [b"ax(g),ay(g),az(g),gx(dps),gy(dps),gz(dps)\n"]
+    imu = received(reception, chunks(parts, 100))
+    np.testing.assert_allclose(np.median(imu["force"][320:], axis=0), TRUE_FORCE, atol=0.02)
