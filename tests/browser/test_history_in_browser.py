@@ -88,6 +88,7 @@ def test_back_forward_undo_redo_and_a_reload_change_page_and_address(open_page: 
     wait_for(page, IDLE)
 
 
+@pytest.mark.proof
 def test_undo_and_forward_lead_past_a_reload(open_page: Callable[..., Page]) -> None:
     """The server has forgotten what was before; the browser has its addresses."""
     page = open_page(BEGUN)
@@ -118,6 +119,7 @@ def test_undo_and_forward_lead_past_a_reload(open_page: Callable[..., Page]) -> 
     expect(undo).to_be_disabled()
 
 
+@pytest.mark.proof
 def test_undos_past_a_reload_are_neither_lost_nor_overwritten_by_what_the_server_still_writes(
     open_page: Callable[..., Page],
 ) -> None:

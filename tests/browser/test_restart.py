@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.browser.conftest import DRAWN, new_context, show, shown, wait_for
 from tests.security.conftest import serving
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.proof]
 
 SEED = 4711
 RESTARTS = "The server restarts."

@@ -156,6 +156,7 @@ def test_the_filter_that_a_card_brings_tells_the_truth(name: str) -> None:
     assert nees[False] > 3 * nees[True]
 
 
+@pytest.mark.proof
 def test_a_flight_of_turns_needs_the_states_that_a_card_brings() -> None:
     """On pacific, 0.04 °/s/g of a consumer part are 7 σ of the gyro bias if no state stands for them."""
     nees = {}

@@ -130,7 +130,9 @@ def test_all_types_agree_with_a_good_sensor(name: str) -> None:
     assert worst <= 0.1
 
 
-@pytest.mark.parametrize("model", ["phi", "psi", "invariant"])
+@pytest.mark.parametrize(
+    "model", ["phi", *(pytest.param(model, marks=pytest.mark.proof) for model in ("psi", "invariant"))]
+)
 def test_feedforward_keeps_to_the_fixes_where_the_navigator_runs_off(model: str) -> None:
     """An uncorrected navigator is soon hundreds of metres and 2.5° off: the estimate is not."""
     experiment = Experiment(mission="montreal")

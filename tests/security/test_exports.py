@@ -33,8 +33,7 @@ from tests.security.test_hidden_settings import (
     SEED,
     SHOWN,
     WORDS,
-    of_faults,
-    of_settings,
+    of_homework,
     of_the_gallery,
 )
 
@@ -113,7 +112,7 @@ def contents(path: Path) -> Iterator[bytes]:
 
 
 @pytest.mark.parametrize(
-    "made", [of_settings, of_faults, of_the_gallery, sealed_by_a_teacher], ids=lambda one: one.__name__
+    "made", [of_homework, of_the_gallery, sealed_by_a_teacher], ids=lambda one: one.__name__
 )
 def test_no_format_has_what_is_hidden_or_the_seed(made: Callable[[], Experiment], tmp_path: Path) -> None:
     experiment = made()
