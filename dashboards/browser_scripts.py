@@ -49,33 +49,15 @@ const come_back = async (count) => {
 };
 
 if (document.getElementById(id) === null) {
-  const box = document.createElement("div");
-  box.id = id;
-  box.setAttribute("role", "alert");
-  Object.assign(box.style, {
-    position: "fixed", top: 0, left: 0, right: 0, bottom: "auto", width: "auto", margin: 0, border: 0,
-    padding: "10px 16px", display: "flex", flexWrap: "wrap", gap: "8px 16px", alignItems: "center",
-    background: "#b3261e", color: "#ffffff", font: "16px/1.4 Roboto, Arial, sans-serif",
-  });
-  box.append(
+  const box = window.insLabAlert(
     (restarts ? "The server restarts. " : "The connection to the server is lost. ")
     + "This page comes back by itself once the server answers, with its settings, its tab and "
     + "the solved steps of lessons.");
-  const button = document.createElement("button");
-  button.append("Reload");
-  Object.assign(button.style, {
-    padding: "6px 14px", border: 0, borderRadius: "4px", background: "#ffffff", color: "#8c1d18",
-    font: "inherit", cursor: "pointer",
-  });
-  button.addEventListener("click", () => window.location.reload());
-  box.append(button);
-  document.body.append(box);
-  box.popover = "manual";
-  box.showPopover?.();
+  box.id = id;
   come_back(tries());
 }
 """
-"""Shows a line above all else, the open settings of a phone too; loads the page again once a server answers.
+"""Says so above all else; loads the page again once a server answers.
 
 A server discards a page without a connection, so only a new one reacts. A server without the address
 ``health``, as that of ``panel serve``, answers that there is none.
@@ -126,31 +108,42 @@ const all = () => [...bokeh.all_models];
 const chip = all().find((one) => one.css_classes?.includes?.("verdict-chip"));
 const {{data: bar}} = all().find((one) => "answered" in (one.data?.attributes ?? {{}}));
 const settings = new WeakMap();
-const isSetting = (part) => {{
+const tagsOf = (part) => {{
   if (!settings.has(part)) {{
     const of = (one) => (one === part || one.data === part) && one.tags?.includes?.("{SETTING}");
-    settings.set(part, all().some(of));
+    settings.set(part, all().find(of)?.tags);
   }}
   return settings.get(part);
 }};
+const unheard = window.insLabUnheard = new Map();
 const walks = () => ["undo", "redo", "visit"].includes(bar.asked.at(-1)?.[1]);
 const age = (is_old) => {{
   const shown = Bokeh.index.query((view) => view.model === chip);
   for (const {{el}} of shown) el.toggleAttribute("data-old", is_old);
 }};
 let sent = 0;
-bokeh.on_change(({{model, attr, sync, msg_data}}) => {{
+bokeh.on_change(({{model, attr, value, sync, msg_data}}) => {{
   const part = msg_data?.origin ?? (["value", "asked"].includes(attr) ? model : null);
-  if (!sync || !part || !(part === bar ? walks() : isSetting(part))) return;
+  if (!sync || !part || !(part === bar ? walks() : tagsOf(part))) return;
   age(true);
   const question = ++sent;
+  const [, path, name] = tagsOf(part) ?? [];
+  if (name && attr === "value") {{
+    const key = `${{path}} ${{name}}`;
+    unheard.delete(key);
+    unheard.set(key, {{change: [path, name, value], question}});
+  }}
   queueMicrotask(() => {{ bar.question = question }});
 }});
 bar.properties.answered.change.connect(() => {{ if (bar.answered === sent) age(false) }});
+bar.properties.shown.change.connect(() => {{
+  for (const [key, {{question}}] of unheard) if (question <= bar.answered) unheard.delete(key);
+}});
 """
 """Makes the verdict grey as soon as what may begin a run is on its way to the server, until it is heard.
 
-That is a setting, a button that changes some, and a step in the history.
+That is a setting, a button that changes some, and a step in the history. What the server has not written into
+the address yet is noted, for the page that comes back after a cut connection.
 
 The server answers in the order in which it is asked.
 """

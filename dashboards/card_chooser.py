@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from html import escape
 
@@ -195,6 +195,12 @@ class CardChoice:
     def chosen(self) -> tuple[str, ...]:
         """Names of the chosen cards, grade by grade; a browser may send others, even paths."""
         return tuple(name for box in self._boxes for name in box.options.values() if name in box.value)
+
+    def choose(self, names: Iterable[str]) -> None:
+        """Choose cards by their names, as many as may be compared; what is no card is left out."""
+        known = [name for name in dict.fromkeys(names) if name in cards()][:MOST_CARDS]
+        for box in self._boxes:
+            box.value = [name for name in box.options.values() if name in known]
 
     def _chosen(self, event: param.parameterized.Event) -> None:
         if len(self.chosen) > MOST_CARDS:

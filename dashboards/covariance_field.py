@@ -46,7 +46,12 @@ class CovarianceField(TextField):
             stylesheets=[TOOLTIP],
         )
         more.param.watch(self._unfold, "value")
+        self._more = more
         self.view = plain_column(plain_row(self._widget, self._lock, more), self._list)
+
+    def unfold(self) -> None:
+        """Show each σ."""
+        self._more.value = True
 
     def refresh(self) -> None:
         """Show the current matched values."""
@@ -79,6 +84,8 @@ class CovarianceField(TextField):
                 )
                 box.param.watch(lambda typed, index=index: self._typed_sigma(index, typed.new), "value")
                 self._sigmas.append(box)
+                self.parts[name] = box
+            self.name_parts(self._path)
             self._list[:] = self._sigmas
             self.refresh()
         self._list.visible = event.new

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 import panel as pn
 from bokeh.document import Document
 
 from dashboards.aside import BESIDE, DOCK, SHEET, Aside, lessons_button, mission_button
+from dashboards.kept import Kept
 from dashboards.page_tabs import FIRST, IN_TABS, PageTabs
 from dashboards.pages.base import Page
+from dashboards.pages.compare import Compare
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.missions import Missions
 from dashboards.sending import together
@@ -116,6 +119,19 @@ class DrawnPages:
         lessons = self.made(Lessons)
         assert isinstance(lessons, Lessons)
         return lessons
+
+    def kept(self, kept: Kept) -> Kept:
+        """Return what the browser stores, with what the pages add to it."""
+        compare = self._pages.get(Compare)
+        if isinstance(compare, Compare):
+            kept = kept._replace(compared=compare.kept())
+        return self.lessons.kept(kept) if self.lessons is not None else kept
+
+    def compare_again(self, compared: Mapping[str, Any]) -> None:
+        """Compare what was compared before the connection was cut."""
+        compare = self.made(Compare)
+        assert isinstance(compare, Compare)
+        compare.take_back(compared)
 
     def open(self, title: str) -> None:
         """Open a page by its title; without one, that with which a session opens."""

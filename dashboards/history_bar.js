@@ -19,6 +19,10 @@ const KEPT = 32  // most wishes that wait for the server
 
 const opening = String(Math.random())
 const earlier = (state) => Boolean(state && (state.position > 0 || state.older))  // whether entries come before it
+// The sheet covers the page: it has an entry of its own after that of the state, so that Back closes it.
+const SHEET = /[?&]beside=Missions(&|$)/
+let covered = SHEET.test(window.insLabOpened)
+let over = false  // whether the present entry is that of the sheet
 let older = earlier(window.history.state)  // whether this entry, of a page that was opened before, has such entries
 let here = 0  // number of the present entry
 let goal = null  // number of the entry to which the browser is on its way
@@ -40,19 +44,24 @@ const before = (() => {
   }
 })()
 
+let stores = before !== null  // whether there is something that another text must replace
 function keep() {
-  if (model === null || !model.kept) return
-  const text = JSON.stringify({search: window.location.search, kept: model.kept})
+  const unheard = [...window.insLabUnheard?.values() ?? []].map(({change}) => change)
+  if (model === null || !(model.kept || unheard.length || stores)) return
+  stores = true
+  const text = JSON.stringify({search: window.location.search, kept: model.kept || "{}", unheard})
   try {
     window.sessionStorage.setItem(KEPT_UNDER, text)
   } catch {
     // a page that comes back has its address only
   }
 }
+window.addEventListener("pagehide", keep)
 
 function bring() {
   if (typeof before?.kept !== "string") return
-  model.brought = JSON.stringify({kept: before.kept, is_same: before.search === window.insLabOpened})
+  const is_same = before.search === window.insLabOpened
+  model.brought = JSON.stringify({kept: before.kept, unheard: before.unheard, is_same})
 }
 
 const url = (search) => window.location.pathname + search + window.location.hash
@@ -65,26 +74,39 @@ function ask(what, position) {
 
 function put(position, search) {
   here = position
-  window.history.replaceState({opening, position, older}, "", url(search))
+  window.history.replaceState({opening, position, older, over}, "", url(search))
+}
+
+function travel(by, position) {
+  goal = position
+  timer = setTimeout(arrive, WAIT)
+  window.history.go(by)
 }
 
 function follow() {
   if (goal !== null || leaves) return
   for (const [position, search] of waiting) {
     here = position
-    window.history.pushState({opening, position, older}, "", url(search))
+    window.history[over ? "replaceState" : "pushState"]({opening, position, older}, "", url(search))
+    over = false
   }
   waiting = []
-  const {position, search} = model.shown
-  if (position === here) {
-    put(position, search)
-    keep()
-    if (model.shown.moves) window.location.reload()
-  } else {
-    goal = position
-    timer = setTimeout(arrive, WAIT)
-    window.history.go(position - here)
+  const {position, search, redone} = model.shown
+  const covers = SHEET.test(search)
+  if (position !== here || (over && !covers)) {
+    const back = over ? 1 : 0
+    over = false
+    travel(position - here - back, position)
+    return
   }
+  if (covers && !covered && !over && !redone) {  // another entry would take the place of what can be redone
+    over = true
+    window.history.pushState({opening, position, older, over}, "", url(search))
+  }
+  covered = covers
+  put(position, search)
+  keep()
+  if (model.shown.moves) window.location.reload()
 }
 
 // Where the entry does not exist, the present one takes its place.
@@ -130,6 +152,8 @@ window.addEventListener("popstate", ({state}) => {
     ;({older} = state)
     leaves = ""
     goal = null
+    if (over && state.position === here) ask("close", 0)
+    over = Boolean(state.over)
     here = state.position
     ask("visit", here)
   }
@@ -160,6 +184,9 @@ window.addEventListener("keydown", (event) => {
     ask("step", STEPS[key])
   } else if (event.repeat) {
     return
+  } else if (key === "/") {
+    event.preventDefault()
+    seek()
   } else if (key in WISHES) {
     ask(WISHES[key], 0)
   } else if (key === " " && !at.closest?.(ACTIVE)) {
@@ -169,6 +196,17 @@ window.addEventListener("keydown", (event) => {
     ask("tab", Number(key))
   }
 })
+
+// The box that finds settings; the browser shows it first where the settings are folded away.
+function seek() {
+  const [box] = Array.from(Bokeh.index.query(({model}) => model.data?.label === "Find a setting"))
+  const input = box?.container?.querySelector("input")
+  if (!input) return
+  if (input.getBoundingClientRect().right <= 0 || !input.checkVisibility()) {
+    for (const {shadow_el} of Bokeh.index.roots) shadow_el?.querySelector('[aria-label="Open drawer"]')?.click()
+  }
+  setTimeout(() => input.focus(), 50)
+}
 
 const undo = () => {
   undos += 1

@@ -1,8 +1,9 @@
 """Kept: what the browser of a page stores of it besides its address, for the page that comes back.
 
 That is the open step of a lesson, the solved steps, the name and the own settings of a student in a class,
-and what is typed into a homework. The browser stores it for one of its tabs, and the server for nobody:
-whoever alters it alters a page of their own.
+what is typed into a homework, what the page Compare adds, and the last changes of settings, if the connection
+was cut before the server had heard them. The browser stores it for one of its tabs, and the server for
+nobody: whoever alters it alters a page of their own.
 """
 
 from __future__ import annotations
@@ -41,6 +42,14 @@ class Typed(NamedTuple):
     answers: tuple[str, ...]
 
 
+class Change(NamedTuple):
+    """A change of a setting: its path, the part of its field that was changed, and what that part sent."""
+
+    path: str
+    part: str
+    value: bool | float | str
+
+
 class Kept(NamedTuple):
     """What a browser stores of a page.
 
@@ -58,6 +67,10 @@ class Kept(NamedTuple):
         Settings that a student left to follow the teacher.
     typed : Typed or None
         What is typed into a homework of the server.
+    compared : mapping
+        What the page Compare adds to the table; see `dashboards.pages.compare.Compare.kept`.
+    unheard : tuple of Change
+        The changes that the server did not hear any more; the browser alone knows them.
     """
 
     place: Place | None = None
@@ -66,6 +79,8 @@ class Kept(NamedTuple):
     name: str = ""
     own: Own | None = None
     typed: Typed | None = None
+    compared: Mapping[str, Any] = MappingProxyType({})
+    unheard: tuple[Change, ...] = ()
 
     @property
     def text(self) -> str:
@@ -75,6 +90,7 @@ class Kept(NamedTuple):
         solved = [[*key, list(steps)] for key, steps in self.solved.items() if steps]
         parts = self._replace(place=None, solved=MappingProxyType({}))._asdict()
         parts |= {"solved": solved, "place": [*self.place[0], self.place[1]] if self.place else None}
+        parts["compared"] = dict(self.compared)
         text = json.dumps({name: part for name, part in parts.items() if part})
         return text if len(text) <= LONGEST else ""
 
@@ -104,9 +120,17 @@ def brought_back(text: object) -> tuple[Kept, bool]:
         found: Any = json.loads(text) if isinstance(text, str) and len(text) <= 2 * LONGEST else None
         inner = json.loads(found["kept"])
         is_same = found.get("is_same") is True
+        unheard = tuple(_changes(found.get("unheard"))) if is_same else ()
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return Kept(), False
-    return (_kept(inner), is_same) if isinstance(inner, dict) else (Kept(), False)
+    return (_kept(inner)._replace(unheard=unheard), is_same) if isinstance(inner, dict) else (Kept(), False)
+
+
+def _changes(found: object) -> Iterable[Change]:
+    for one in _listed(found)[:MOST_ENTRIES]:
+        match one:
+            case [str(path), str(part), bool() | int() | float() | str() as value]:
+                yield Change(path, part, value[:LONGEST_WORD] if isinstance(value, str) else value)
 
 
 def _kept(parts: dict[str, Any]) -> Kept:
@@ -130,7 +154,7 @@ def _kept(parts: dict[str, Any]) -> Kept:
             typed: Typed | None = Typed(homework, name[:LONGEST_WORD], _words(faults), _words(answers))
         case _:
             typed = None
-    called = parts.get("name")
+    called, compared = parts.get("name"), parts.get("compared")
     return Kept(
         place,
         parts.get("hides") is True,
@@ -138,6 +162,7 @@ def _kept(parts: dict[str, Any]) -> Kept:
         called[:LONGEST_WORD] if isinstance(called, str) else "",
         own,
         typed,
+        compared if isinstance(compared, dict) else {},
     )
 
 

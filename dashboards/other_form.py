@@ -26,6 +26,7 @@ class OtherFormField(Field):
             description=declaration.doc,
         )
         self._box.param.watch(self._typed, "value")
+        self.parts = {"box": self._box}
         self.show(declaration.default)
 
     def complain(self, sentence: str) -> None:

@@ -100,6 +100,7 @@ button { font: 12px/1 Roboto, sans-serif; color: inherit; background: none; curs
 button:first-child { border-radius: 6px 0 0 6px; }
 button:last-child { border-radius: 0 6px 6px 0; border-left: 0; }
 button[aria-pressed=true] { background: rgba(59, 142, 234, .2); }
+@media (forced-colors: active) { button[aria-pressed=true] { background: Highlight; color: HighlightText; } }
 button:focus-visible { outline: 2px solid #3b8eea; outline-offset: 1px; }
 @media print { :host { display: none; } }
 """

@@ -18,7 +18,7 @@ from dashboards.drawn_pages import BY_TITLE, DrawnPages
 from dashboards.exchange import Files
 from dashboards.history import State
 from dashboards.holding import Holding
-from dashboards.kept import Keeping, Kept
+from dashboards.kept import Change, Keeping, Kept
 from dashboards.notice import Notice
 from dashboards.openings import Openings
 from dashboards.page_tabs import FIRST
@@ -64,11 +64,10 @@ class SimulatorPage:
         document = pn.state.curdoc
         assert document is not None
         self.session = Session(document)
-        self._on_phone = "Mobi" in pn.state.headers.get("User-Agent", "")
-        self.axis = TimeAxis(touch=self._on_phone, hover=False)
+        self.axis = TimeAxis(hover=False)
         self._document = document
         self._browser = Browser(document)
-        self._zooming = False
+        self._zooming, self._had_sidebar = False, True
         self._epoch = 0.0
         self._time_bar = TimeBar(self.axis, document, self._follow, self._cut, self.session)
         self._settings: SettingsPanel | None = None
@@ -94,6 +93,7 @@ class SimulatorPage:
             self._turn_aside,
             lambda: self.pages.draw in self._steps,
         )
+        self._unheard: tuple[Change, ...] = ()
         self._address = Address(
             self.session,
             document,
@@ -229,16 +229,27 @@ class SimulatorPage:
     def _kept(self) -> Kept:
         """Return what the browser stores of the page besides its address."""
         kept = self._class.kept()
-        return self.pages.lessons.kept(kept) if self.pages.lessons is not None else kept
+        return self.pages.kept(kept)
 
     def _take_back(self, kept: Kept, is_same: bool) -> None:
         """Show what the browser had stored; the open step belongs to the address of then."""
         self._class.take_back(kept)
+        self._unheard = kept.unheard
+        self._repeat()
+        if kept.compared and is_same:
+            self.pages.compare_again(kept.compared)
         if kept.solved or kept.typed or (kept.place and is_same):
             lessons = self.pages.made_lessons()
             lessons.take_back(kept)
             if kept.place and is_same and not self._class.follows:
                 self._take_place_back(lessons, kept)
+
+    def _repeat(self) -> None:
+        """Change the settings that the server had not heard when the connection was cut, if they are here."""
+        if self._settings is not None:
+            unheard, self._unheard = self._unheard, ()
+            for change in unheard:
+                self._settings.repeat(*change)
 
     def _take_place_back(self, lessons: Lessons, kept: Kept) -> None:
         was_open = self.pages.dock.is_open or self._address.view.beside == Lessons.title
@@ -288,7 +299,9 @@ class SimulatorPage:
 
     def _enlarge(self, on: bool) -> None:
         """Turn large type for a projector on, which also closes the settings, or off."""
-        self._view.sidebar_open = not on and not self._on_phone
+        if on:
+            self._had_sidebar = self._view.sidebar_open
+        self._view.sidebar_open = self._had_sidebar and not on
         self.pages.enlarge(on)
 
     def _frame(self) -> MaterialPage:
@@ -305,7 +318,6 @@ class SimulatorPage:
             ],
             sidebar=self._sidebar,
             main=self._main,
-            sidebar_open=not self._on_phone,
         )
 
     def _is_ready(self) -> None:
@@ -346,6 +358,7 @@ class SimulatorPage:
     def _add_settings(self) -> None:
         self._settings = SettingsPanel(self.session, self._steps.append)
         self._sidebar.append(self._settings.view)
+        self._repeat()
 
     def _add_files(self) -> None:
         self._files = Files(self.session, self._address.held)

@@ -43,6 +43,32 @@ SKIP = """
 A panel of a tab hears the keys of the page, as Space; see ``history_bar.js``.
 """
 
+ALERT = """
+window.insLabAlert = (words) => {
+  const box = document.createElement("div");
+  box.setAttribute("role", "alert");
+  Object.assign(box.style, {
+    position: "fixed", top: 0, left: 0, right: 0, bottom: "auto", width: "auto", margin: 0, border: 0,
+    padding: "10px 16px", display: "flex", flexWrap: "wrap", gap: "8px 16px", alignItems: "center",
+    background: "#b3261e", color: "#ffffff", font: "16px/1.4 Roboto, Arial, sans-serif",
+  });
+  box.append(words);
+  const button = document.createElement("button");
+  button.append("Reload");
+  Object.assign(button.style, {
+    padding: "6px 14px", border: 0, borderRadius: "4px", background: "#ffffff", color: "#8c1d18",
+    font: "inherit", cursor: "pointer",
+  });
+  button.addEventListener("click", () => window.location.reload());
+  box.append(button);
+  document.body.append(box);
+  box.popover = "manual";
+  box.showPopover?.();
+  return box;
+};
+"""
+"""Shows a line above all else, the open settings of a phone too, with a button that loads the page again."""
+
 SHIMS, WEB_GL = "/es-module-shims.min.js", "/bokeh-gl.min.js"
 """Scripts that Panel has every page load and none of the laboratory needs: browsers import modules by
 themselves, see ``upstream.js``, and no plot is drawn with WebGL."""
@@ -58,7 +84,7 @@ PAGE = Environment().from_string(
 {{% block postamble %}}{{{{ super() }}}}
 <script>
 window.insLabOpened = window.location.search;  // for history_bar.js
-{{% raw %}}{SCRIPT.read_text()}{{% endraw %}}
+{{% raw %}}{ALERT}{SCRIPT.read_text()}{{% endraw %}}
 </script>
 {{% endblock %}}
 {{% block contents %}}
@@ -78,8 +104,6 @@ def page_frame(
     header: Sequence[pn.viewable.Viewable],
     sidebar: pn.viewable.Viewable,
     main: pn.viewable.Viewable,
-    *,
-    sidebar_open: bool,
 ) -> MaterialPage:
     """Return the frame of the page with what stands in it."""
     frame = MaterialPage(
@@ -87,7 +111,6 @@ def page_frame(
         header=[*header],
         sidebar=[sidebar],
         sidebar_width=330,
-        sidebar_open=sidebar_open,
         main=[main],
         theme_config=THEME,
         sx=DRESS,

@@ -19,10 +19,78 @@ const field = (spec) => spec?.field ?? (typeof spec === "string" ? spec : undefi
 const over_time = (view) => view.model.x_range?.name === "time axis"
 const is_visible = (view) => view.el.isConnected && (view.el.checkVisibility?.({visibilityProperty: true}) ?? true)
 
+const BETWEEN = "\u2009·\u2009"  // the parts of a title
+const FINGERS = window.matchMedia("(hover: none)")
+const DOTS_WIDTH = 40  // of the menu of a plot, where it is always seen [px]
+const EM = 13  // the size of letters to which those of a title are relative, in Bokeh [px]
+const SLOP = 8  // a finger that moves less has not moved [px]
+
 function heading(view) {
-  const [text] = (view.model.title?.text ?? "").split("\u2009·\u2009")
+  const [text] = (view.model.title?.text ?? "").split(/\u2009·\u2009|\n/)
   const [, name, unit] = /^(.*?)(?: \[([^\]]*)\])?(?:: zero)?$/.exec(text)
   return {name: name || "plot", unit: unit ?? ""}
+}
+
+// A title that is wider than its plot, or runs under the menu of the plot, continues in a second line.
+const ruler = document.createElement("canvas").getContext("2d")
+function fit(view) {
+  const {title} = view.model
+  if (!title?.text || !view.frame?.bbox.width) return
+  const parts = title.text.split(/\u2009·\u2009|\n/)
+  const [, number, unit] = /^([\d.]+)(.*)$/.exec(title.text_font_size) ?? [null, 13, "px"]
+  const size = unit === "em" ? number * EM : number
+  ruler.font = `${title.text_font_style} ${size}px ${title.text_font}`
+  const room = view.bbox.width - view.frame.bbox.left - (FINGERS.matches ? DOTS_WIDTH : 0)
+  const whole = parts.join(BETWEEN)
+  const is_narrow = ruler.measureText(whole).width > room
+  const text = is_narrow ? [parts[0], parts.slice(1).join(BETWEEN)].filter(Boolean).join("\n") : whole
+  if (text !== title.text) title.setv({text}, {sync: false})
+}
+
+// One finger scrolls the page; across a plot that shows a stretch of time, as after a pinch, it moves along the time. To
+// Bokeh, it would drag a box, as a mouse does: Bokeh hears of a finger that moves only when there is another one.
+function follow_finger(view) {
+  const {x_range} = view.model
+  const {events_el} = view.canvas
+  let from = null
+  const fingers = new Set()
+  const touch = () => {
+    const [first, last] = x_range.computed_bounds ?? x_range.bounds ?? [-Infinity, Infinity]
+    const is_part = x_range.start > first || x_range.end < last
+    events_el.style.touchAction = is_part ? "pan-y" : "pan-x pan-y"
+    return is_part ? [first, last] : null
+  }
+  view.on_change([x_range.properties.start, x_range.properties.end], touch)
+  touch()
+  view.el.addEventListener("pointerdown", ({pointerType, pointerId, clientX}) => {
+    if (pointerType !== "touch") return
+    fingers.add(pointerId)
+    from = fingers.size === 1 && touch() ? {x: clientX, start: x_range.start, end: x_range.end, moves: false} : null
+  }, true)
+  view.el.addEventListener("pointermove", (event) => {
+    const {pointerType, clientX} = event
+    if (pointerType !== "touch" || fingers.size > 1) return
+    event.stopPropagation()
+    if (from === null) return
+    from.moves ||= Math.abs(clientX - from.x) > SLOP
+    if (!from.moves) return
+    const [first, last] = touch() ?? [from.start, from.end]
+    const wanted = (from.x - clientX) / view.frame.bbox.width * (from.end - from.start)
+    const by = Math.min(Math.max(wanted, first - from.start), last - from.end)
+    x_range.setv({start: from.start + by, end: from.end + by})
+  }, true)
+  for (const kind of ["pointerup", "pointercancel"]) {
+    view.el.addEventListener(kind, (event) => {
+      const {pointerId} = event
+      if (from?.moves) {  // it was no tap
+        from = null
+        event.stopPropagation()
+        events_el.dispatchEvent(new PointerEvent("pointercancel", {pointerId}))
+      }
+      from = null
+      fingers.delete(pointerId)
+    }, true)
+  }
 }
 
 function digits(value) {
@@ -276,6 +344,7 @@ export function render({model}) {
     if (of === null) {
       of = shown()
       look(of)
+      for (const view of plots) if (is_visible(view)) fit(view)
     }
     root.classList.toggle("empty", of.length === 0)
     const at = time ?? cursor()?.location ?? 0
@@ -373,6 +442,7 @@ export function render({model}) {
         pointed = time = null
         ask()
       })
+      if (over_time(view)) follow_finger(view)
       view.repainted.connect(() => {  // with new data, or with another cursor
         ask()
         again()

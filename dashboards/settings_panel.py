@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -114,6 +115,8 @@ class SettingsPanel:
         )
         self._seed = TextField(session.experiment.param["seed"], self._change("seed"))
         self._fields |= {"mission": self._mission, "seed": self._seed}
+        for path, made in self._fields.items():
+            made.name_parts(path)
         self._cards = CardChooser(session)
         session.on_settings(self.refresh)  # once the chooser knows the card
         self._found: dict[str, Field] = {}
@@ -150,6 +153,18 @@ class SettingsPanel:
         return [
             fields[path].view for path in paths for fields in (self._fields, self._found) if path in fields
         ]
+
+    def repeat(self, path: str, part: str, value: Any) -> None:
+        """Change a setting as a part of its field did on a page that the server did not hear any more."""
+        made = self._fields.get(path) or (self._field(path, {}) if path in self._finder.names else None)
+        if made is None:
+            return
+        if part not in made.parts:
+            made.unfold()
+        if part in made.parts:
+            with contextlib.suppress(ValueError, TypeError):  # no value of this part
+                made.parts[part].value = value
+            self.refresh()
 
     def _names(self) -> dict[str, tuple[str, ...]]:
         """Return what each setting with a field can be found by."""
@@ -385,6 +400,7 @@ class SettingsPanel:
             made = field(declaration, change)
         made.show(self._session.experiment.get(path))
         made.speak(self._session.shows_sigmas)
+        made.name_parts(path)
         made.view.stylesheets = [*made.view.stylesheets, MARKED]
         self._mark(path, made)
         return made
@@ -402,6 +418,7 @@ class SettingsPanel:
         made = OtherFormField(self._session.experiment.derived(path).declaration, self._change(path))
         made.show(self._session.experiment.get(path))
         made.speak(self._session.shows_sigmas)
+        made.name_parts(path)
         self._fields[path] = made
         return made.view
 

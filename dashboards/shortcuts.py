@@ -14,6 +14,7 @@ KEYS = (
     ("Space", "play, or stop"),
     ("← →", "go to the fix before, or to the next one"),
     ("H", "hold this result"),
+    ("/", "find a setting"),
     ("V", "show or hide all values at the cursor"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     ("Esc", "close the missions, the lessons, this list"),
@@ -24,7 +25,9 @@ PLOTS = (
     ("Click", "move the time cursor"),
     ("Drag", "zoom into a stretch of time"),
     ("Ctrl+wheel", "zoom at the mouse"),
+    ("Shift+wheel", "move along the time"),
     ("Double click", "show the whole flight"),
+    ("Two fingers", "zoom; then one finger moves along the time"),
 )
 """What the mouse does over a plot."""
 _STYLE = """

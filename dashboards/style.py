@@ -17,6 +17,15 @@ _FIELDS: dict[str, Any] = {
 """Selects are as high as text fields, which stand beside them in rows."""
 _NAMED: dict[str, Any] = {"MuiLinearProgress": {"defaultProps": {"aria-label": "Progress"}}}
 """Parts whose name readers of the screen need, and the library gives none."""
+_CHOSEN: dict[str, Any] = {"backgroundColor": "Highlight", "color": "HighlightText"}
+_CONTRAST: dict[str, Any] = {
+    name: {"styleOverrides": {part: {"@media (forced-colors: active)": style}}}
+    for name, part, style in (
+        ("MuiTabs", "indicator", _CHOSEN),
+        ("MuiToggleButton", "root", {"&.Mui-selected": {**_CHOSEN, "forcedColorAdjust": "none"}}),
+    )
+}
+"""What is chosen is seen, too, where the reader's system replaces all colours by a few."""
 _WORDS: dict[str, Any] = {"button": {"textTransform": "none"}}
 """Buttons and tabs say their words as they are written: units and names have their own capitals."""
 _BRIGHT_ICONS: dict[str, Any] = {
@@ -41,7 +50,7 @@ THEME: dict[str, Any] = {
         },
         "shape": {"borderRadius": 6},
         "typography": _WORDS,
-        "components": _FIELDS | _NAMED,
+        "components": _FIELDS | _NAMED | _CONTRAST,
     },
     "dark": {
         "palette": {
@@ -52,7 +61,7 @@ THEME: dict[str, Any] = {
         },
         "shape": {"borderRadius": 6},
         "typography": _WORDS,
-        "components": _FIELDS | _NAMED | _BRIGHT_ICONS,
+        "components": _FIELDS | _NAMED | _CONTRAST | _BRIGHT_ICONS,
     },
 }
 """Colours of the two themes.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import panel as pn
@@ -29,6 +29,8 @@ MOST_STEPS = 40
 """Most values of a setting: more than a figure of a page shows apart."""
 FIRST = "navigator.q_scale"
 NOTHING = "No second setting"
+AXIS = ("setting", "start", "end", "steps", "logarithmic")
+"""The widgets of an axis; the setting comes first, because it suggests the others."""
 DECADES = 10.0
 """Ratio of the ends of a logarithmic sweep to the present value."""
 
@@ -180,6 +182,24 @@ class SweepChoice:
             axis.setting.param.update(options=options, value=kept)
             if axis.path != kept or not kept:
                 axis.take(experiment)
+
+    def kept(self) -> dict[str, Any]:
+        """Return what is chosen, as plain data."""
+        axes = [[getattr(axis, name).value for name in AXIS] for axis in self._axes]
+        return {"axes": axes, "seeds": self._seeds.value, "metric": self.metric}
+
+    def take_back(self, kept: dict[str, Any]) -> bool:
+        """Choose what was kept, which may be anything; return whether it was a choice."""
+        try:
+            for axis, values in zip(self._axes, kept["axes"], strict=True):
+                if values[0] not in axis.setting.options.values():
+                    return False
+                for name, value in zip(AXIS, values, strict=True):
+                    getattr(axis, name).value = value
+            self._seeds.value, self._metric.value = kept["seeds"], kept["metric"]
+        except (KeyError, TypeError, ValueError, IndexError):
+            return False
+        return True
 
     def plan(self) -> Plan:
         """Return what to run.

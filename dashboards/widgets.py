@@ -21,7 +21,10 @@ from lab.base.parameters.setting_kinds import AxisQuantity, Quantity, requiremen
 Change = Callable[[Any], object]
 
 SETTING = "setting"
-"""Tag of what sends the value of a setting, and of buttons that change settings."""
+"""Tag of what sends the value of a setting, and of buttons that change settings.
+
+What sends a value has two more: the path of the setting, and which part of the field it is.
+"""
 LOGARITHMIC_FROM = 100
 """A slider is logarithmic if the ratio of its ends is at least this."""
 
@@ -84,9 +87,12 @@ class Field(param.Parameterized):
         The declaration of what is shown and typed: of a variance, it may be that of its root.
     view : panel.viewable.Viewable
         The widgets to place on the page.
+    parts : dict
+        The widgets that send a value, each by its name.
     """
 
     view: pn.viewable.Viewable
+    parts: dict[str, Any]
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__()
@@ -95,6 +101,16 @@ class Field(param.Parameterized):
         self._change = change
         self._value: Any = declaration.default
         self._showing = False
+        self._path = ""
+
+    def unfold(self) -> None:
+        """Show all parts, also those of the axes."""
+
+    def name_parts(self, path: str) -> None:
+        """Write the path of the setting on the widgets that send its value."""
+        self._path = path
+        for name, widget in self.parts.items():
+            widget.tags = [SETTING, path, name]
 
     @property
     def value(self) -> Any:
@@ -178,6 +194,7 @@ class NumberField(Field):
             tags=[SETTING],
         )
         self._box.param.watch(self._typed, "value")
+        self.parts = {"slider": self._slider, "box": self._box}
         self._axis_sliders: list[Slider] = []
         self._complaint: pn.pane.HTML | None = None
         self.view = plain_column(self._slider, self._box, margin=(4, 0), styles={"position": "relative"})
@@ -195,7 +212,13 @@ class NumberField(Field):
             )
             more.param.watch(self._unfold, "value")
             self.view.append(more)
+            self._more = more
         self.show(declaration.default)
+
+    def unfold(self) -> None:
+        """Show the sliders of the axes."""
+        if self._axes:
+            self._more.value = True
 
     def _make_slider(self, label: str, doc: str = "") -> Slider:
         slider = Slider(
@@ -275,6 +298,8 @@ class NumberField(Field):
         for slider in (self._slider, *self._axis_sliders):
             slider.param.update(**ends, value=min(max(slider.value, scale.start), scale.end))
         self._slider.description = self.said.doc
+        if self._axes:
+            self._more.description = f"{self.said.label}: one for each axis"
         self._showing = False
 
     def _unfold(self, event: param.parameterized.Event) -> None:
@@ -284,6 +309,8 @@ class NumberField(Field):
                 slider.value = self._scale.position(self._as_said(self._value)[axis])
                 slider.param.watch(lambda moved, axis=axis: self._moved(axis, moved.new), "value")
                 self._axis_sliders.append(slider)
+                self.parts[name] = slider
+            self.name_parts(self._path)
             self.view.extend(self._axis_sliders)
         for slider in self._axis_sliders:
             slider.visible = event.new
@@ -307,6 +334,7 @@ class ChoiceField(Field):
             tags=[SETTING],
         )
         self._widget.param.watch(lambda event: self._ask(event.new), "value")
+        self.parts = {"choice": self._widget}
         self.show(declaration.default)
 
     def offer(self, labels: dict[str, Any], value: Any) -> None:
@@ -336,6 +364,7 @@ class SwitchField(Field):
             tags=[SETTING],
         )
         self._widget.param.watch(lambda event: self._ask(event.new), "value")
+        self.parts = {"switch": self._widget}
         self.show(declaration.default)
 
     def _render(self, value: Any) -> None:
@@ -363,6 +392,7 @@ class TextField(Field):
             tags=[SETTING],
         )
         self._widget.param.watch(self._typed, "value")
+        self.parts = {"box": self._widget}
         self._lock: pmui.IconButton | None = None
         if follows(declaration):
             self._lock = pmui.IconButton(

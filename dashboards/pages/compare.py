@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from html import escape
@@ -133,6 +133,25 @@ class Compare(ComputedPage):
         sweep = self._sweep.choice.view, self._sweep.figure
         parts = bar, self._cards.view, self._seeds, self.words, self._table, *sweep, self._outages.view
         return whole_column(*parts)
+
+    def kept(self) -> dict[str, Any]:
+        """Return what is added to the table, as plain data; empty without anything."""
+        on = [name for name in self._add if self._on(name)]
+        parts = {"on": on, "cards": [*self._cards.chosen], "seeds": self._count, "sweep": self._sweep.kept()}
+        return parts if on else {}
+
+    def take_back(self, kept: Mapping[str, Any]) -> None:
+        """Add what was kept of a page that was cut off, and compute it again; it may be anything."""
+        names = {name: one for name, one in kept.items() if isinstance(one, list)}
+        seeds, sweep = kept.get("seeds"), kept.get("sweep")
+        if isinstance(seeds, int) and 2 <= seeds <= MOST_SEEDS:
+            self._seeds.value = seeds
+        if isinstance(sweep, dict):
+            self._sweep.take_back(sweep)
+        self._cards.choose(str(name) for name in names.get("cards", []))
+        for name in names.get("on", []):
+            if name in self._add:
+                self._add[name].value = True
 
     def _on(self, name: str) -> bool:
         return bool(self._add[name].value)
@@ -316,6 +335,8 @@ class Compare(ComputedPage):
         self._sweep.choice.view.visible = self._on("A sweep")
         self._outages.view.visible = self._on("Outages")
         self._stopped = False
+        if self._session is not None:
+            self._session.keep()
         self._draw_again()
 
     def _draw_again(self) -> None:

@@ -65,6 +65,7 @@ class SweepPart:
         self._swept = Swept("", None)
         self._memo: tuple[Any, str] = (None, "")
         self._shows: tuple[Any, ...] = ()
+        self._kept: dict[str, Any] = {}
 
     def suit(self, result: Result, *, is_on: bool, sigmas: bool) -> None:
         """Offer the settings of a result, with σ of variances or without, if the part is on."""
@@ -73,6 +74,9 @@ class SweepPart:
         self._is_on, self._sigmas = is_on, sigmas
         if is_on:
             self.choice.suit(experiment, bool(result.recorded), sigmas)
+            kept, self._kept = self._kept, {}
+            if kept and self.choice.take_back(kept):
+                self.run()
         if self.plan is not None and not all(may_change(experiment, path) for path in self.plan.values):
             self.plan = None  # it was made before a homework was opened
 
@@ -85,6 +89,14 @@ class SweepPart:
             self.figure[:] = [_words(str(error))]
             return
         self._begin()
+
+    def kept(self) -> dict[str, Any]:
+        """Return what was chosen for the sweep that was begun, as plain data; empty without one."""
+        return self.choice.kept() if self.plan is not None else {}
+
+    def take_back(self, kept: dict[str, Any]) -> None:
+        """Begin the sweep that was kept, once its settings are offered."""
+        self._kept = kept
 
     def key(self, result: Result) -> str:
         """Return what distinguishes the sweep; the present values of the swept settings do not matter."""

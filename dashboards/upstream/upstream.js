@@ -25,7 +25,12 @@
   const connection = Bokeh.require("client/connection");
   const {pull_session} = connection;
   connection.pull_session = async (...session) => {
-    const pulled = await pull_session(...session);
+    const pulled = await pull_session(...session).catch((error) => {
+      window.insLabAlert(`This page cannot connect to its server. If you opened it long ago, load it again. If that
+        does not help, open it by the address that the server printed; to open it as ${window.location.host}, whoever
+        serves it starts it with: ins-lab serve --origin ${window.location.host}`);
+      throw error;
+    });
     const frame = pulled.document.roots().find((root) => root.data?.dark_theme !== undefined)?.data;
     const {theme} = Object.fromEntries(new URLSearchParams(window.location.search));
     if (frame && theme === undefined && window.matchMedia("(prefers-color-scheme: dark)").matches) {

@@ -14,7 +14,7 @@ from bokeh.plotting import figure
 from lab.base.aid_table import FURTHER
 from lab.views.envelope import SMALLEST_DRAWN
 from lab.views.figures import TimeAxis, set_ordinate, time_figure
-from lab.views.legend import SMALL
+from lab.views.legend import SMALL, add_legend_beside
 from lab.views.quantities import BLUE, FIXES, ORANGE, TRUTH
 
 if TYPE_CHECKING:
@@ -159,9 +159,8 @@ class BudgetFigures:
             label_height=12,
             spacing=0,
             margin=0,
-            ncols=2 if axis.touch else 1,
         )
-        fig.add_layout(legend, "below" if axis.touch else "right")  # a phone is too narrow for both
+        add_legend_beside(fig, legend)
         return fig
 
     def _draw_sigma(self, axis: TimeAxis) -> figure:

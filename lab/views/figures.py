@@ -29,8 +29,6 @@ class TimeAxis:
 
     Parameters
     ----------
-    touch
-        Whether the figures are on a touch screen, where dragging scrolls the page.
     name
         First word of the names of its models, by which they are found in a document: no two axes that may be
         in the same document have the same.
@@ -50,8 +48,8 @@ class TimeAxis:
         End of the flight [s].
     """
 
-    def __init__(self, *, touch: bool = False, name: str = "time", hover: bool = True) -> None:
-        self.touch, self.hover = touch, hover
+    def __init__(self, *, name: str = "time", hover: bool = True) -> None:
+        self.hover = hover
         self.duration = 1.0
         self.range = Range1d(start=0.0, end=1.0, bounds=(0.0, 1.0), min_interval=0.05, name=f"{name} axis")
         self.cursor = Span(
@@ -161,7 +159,7 @@ def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height
         y_range=Range1d(start=0.1 if logarithmic else -1.0, end=1.0),
         y_axis_type="log" if logarithmic else "linear",
         tools=[
-            *([] if axis.touch else [BoxZoomTool(dimensions="width")]),
+            BoxZoomTool(dimensions="width"),
             WheelPanTool(dimension="width", modifiers="shift"),
             WheelZoomTool(dimensions="width", modifiers="ctrl"),
             CrosshairTool(overlay=axis.crosshair),

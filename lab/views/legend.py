@@ -22,6 +22,26 @@ for (const [item, glyphs] of entries)
 """Hides or shows the curves of a legend entry."""
 
 
+NARROW: Final = 600
+"""Width of a figure below which a legend beside the plot stands below it [px]: it has up to 230 px itself."""
+MOVE: Final = f"""
+const narrow = fig.outer_width < {NARROW};
+if (narrow !== fig.below.includes(legend)) {{
+    const [right, below] = [fig.right, fig.below].map((many) => many.filter((one) => one !== legend));
+    legend.setv({{ncols: narrow ? 2 : 1}}, {{sync: false}});
+    (narrow ? below : right).push(legend);
+    fig.setv({{right, below}}, {{sync: false}});
+}}
+"""
+"""Moves a legend below a narrow plot, and beside a wide one."""
+
+
+def add_legend_beside(fig: figure, legend: Legend) -> None:
+    """Put a legend beside the plot, or below it as long as the figure is narrow in the browser."""
+    fig.add_layout(legend, "right")
+    fig.js_on_change("outer_width", CustomJS(args={"fig": fig, "legend": legend}, code=MOVE))
+
+
 def add_legend(
     fig: figure, glyphs: dict[str, GlyphRenderer[Any]], place: PlaceType = "center"
 ) -> dict[str, LegendItem]:

@@ -24,6 +24,7 @@ from lab.run.provenance import block_of
 from lab.views.ensemble_cards import verdict_html
 from lab.views.figures import TimeAxis
 from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
+from lab.views.report_scene import STYLE, scene_html
 from lab.views.result_cards import settings_html
 from lab.views.time_figures import TimeFigures
 from lab.views.time_plot import TimePlot
@@ -86,13 +87,14 @@ def report_html(result: Result, notes: Sequence[tuple[float, float, str]] = ()) 
     return (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
-        f"<title>{escape(mission)}: INS Lab</title><style>{_STYLE}</style>"
+        f"<title>{escape(mission)}: INS Lab</title><style>{_STYLE}{STYLE}</style>"
         f"{_bokeh()}</head><body>"
         f'<h1>{escape(mission)}</h1><p class="quiet">{escape(shown)}.{algorithm} '
         f"{escape(_versions(facts))}</p>"
         f"{verdict_html(result.tried_verdict)}{f'<ul>{remarks}</ul>' if remarks else ''}"
         f"<h2>Settings that differ</h2>{settings_html(result.experiment, changed_only=True)}"
-        f'{_notes(notes)}{plots}<h2>Tables</h2><div class="tables">{"".join(_tables(result))}</div>'
+        f"{_notes(notes)}{plots}<h2>In three dimensions</h2>{scene_html(result)}"
+        f'<h2>Tables</h2><div class="tables">{"".join(_tables(result))}</div>'
         f"{_repetition(result, facts)}{scripts}</body></html>"
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import pytest
@@ -156,3 +157,34 @@ def test_undos_past_a_reload_are_neither_lost_nor_overwritten_by_what_the_server
     shows(page, "0.05")
     wait_for(page, IDLE)
     expect(page.get_by_role("button", name="Undo")).to_be_disabled()
+
+
+def test_back_closes_the_sheet_of_missions_and_does_not_leave_the_page(
+    open_page: Callable[..., Page],
+) -> None:
+    page = open_page(BEGUN)
+    entries, missions = page.evaluate(ENTRIES), page.get_by_role("button", name=re.compile("^Missions[,:]"))
+    close = page.get_by_role("button", name="Close Missions")
+    missions.click()
+    expect(close).to_be_visible()
+    wait_for(page, f"{ENTRIES} === {entries + 1}")
+    page.evaluate("history.back()")
+    expect(close).not_to_be_visible()
+    shows(page, "0.05")
+    missions.click()  # closed by its own button, it leaves nothing behind that Back would have to pass
+    wait_for(page, "history.state.over === true")
+    close.click()
+    wait_for(page, "history.state.over === false")
+    shows(page, "0.05")
+    box = page.get_by_role("textbox", name=NOISE)
+    box.fill("0.2")
+    box.press("Enter")
+    shows(page, "0.2")
+    page.evaluate("history.back()")
+    shows(page, "0.05")
+    missions.click()  # what can be redone stays
+    expect(close).to_be_visible()
+    close.click()
+    expect(close).not_to_be_visible()
+    page.evaluate("history.forward()")
+    shows(page, "0.2")

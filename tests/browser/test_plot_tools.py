@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import show, wait_for
+from tests.browser.conftest import DRAWN, ERRORS, new_context, show, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -117,3 +117,86 @@ def test_the_sigma_of_a_length_is_a_third_of_its_bound(open_page: Callable[..., 
       return data.overview_position_band_high[far.indexOf(Math.min(...far))];
     }""")
     assert float(row.get_by_role("cell").nth(1).inner_text()) == pytest.approx(high / 3, rel=5e-3)
+
+
+STRETCH = "(({start, end}) => [start, end])(Bokeh.documents[0].get_model_by_name('time axis'))"
+SCROLLED = "Array.from(Bokeh.index.query(({model}) => model.name === 'page stage'))[0].el.scrollTop"
+TITLES = """[...insLabPlots].map(({model, bbox, frame, renderer_views}) => [
+  model.title.text.includes("\\n"),
+  frame.bbox.left + renderer_views.get(model.title).get_size().width <= bbox.width - 36,
+])"""
+"""Of each plot, whether its title has two lines, and whether it leaves room for the menu."""
+
+
+def test_fingers_zoom_a_plot_then_move_along_the_time_and_scroll_the_page(
+    chromium: Browser, address: str
+) -> None:
+    context = new_context(chromium, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    page, wire = context.new_page(), None
+    page.goto(address + ERRORS)
+    wait_for(page, DRAWN)
+    wire = context.new_cdp_session(page)
+
+    def move(steps: int, *fingers: tuple[float, float, float, float]) -> None:
+        """Put fingers down at x and y, and move each by a step at a time."""
+        for step in range(steps + 1):
+            points = [
+                {"x": x + step * dx, "y": y + step * dy, "id": finger}
+                for finger, (x, y, dx, dy) in enumerate(fingers)
+            ]
+            for count in range(1, len(points) + 1) if step == 0 else [len(points)]:
+                kind = "touchMove" if step else "touchStart"
+                wire.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points[:count]})
+        wire.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    whole = page.evaluate(STRETCH)
+    move(10, (300, 280, -10, 0))  # with the whole flight in sight, there is nowhere to go
+    assert page.evaluate(STRETCH) == whole
+    move(8, (180, 280, -8, 0), (220, 280, 8, 0))
+    wait_for(page, f"{STRETCH}[1] < {whole[1] * 0.8}")
+    start, end = page.evaluate(STRETCH)
+    move(10, (300, 280, -10, 0))
+    wait_for(page, f"{STRETCH}[0] > {start + 5}")
+    moved = page.evaluate(STRETCH)
+    assert moved[1] - moved[0] == pytest.approx(end - start)
+    assert page.evaluate(f"{CURSOR}.location") == 0  # it was no tap
+    move(12, (200, 600, 0, -20))
+    wait_for(page, f"{SCROLLED} > 100")
+    assert page.evaluate(STRETCH) == moved
+    context.close()
+
+
+def test_a_title_that_would_run_under_the_menu_of_its_plot_has_two_lines(
+    chromium: Browser, address: str
+) -> None:
+    context = new_context(chromium, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    page = context.new_page()
+    page.goto(address + ERRORS)
+    wait_for(page, DRAWN)
+    wait_for(page, f"{TITLES}.some(([two]) => two) && {TITLES}.every(([, free]) => free)")
+    assert page.get_by_role("button", name="Menu of Position error, east").count() == 1
+    page.set_viewport_size({"width": 690, "height": 844})  # in one column
+    wait_for(page, f"{TITLES}.every(([two, free]) => !two && free)")
+    context.close()
+
+
+def test_the_legend_of_the_budget_stands_below_in_a_narrow_window_of_a_mouse(
+    open_page: Callable[..., Page],
+) -> None:
+    page = open_page("?mission=los_angeles&trajectory.imu_rate=50&tab=Budget", drawn=False)
+    places = """(() => {
+      const plot = [...insLabPlots].find(({model}) => model.title?.text.startsWith("Share"));
+      const legend = [...plot.model.right, ...plot.model.below].find(({type}) => type === "Legend");
+      const view = plot.renderer_views.get(legend);
+      const [outer, inner] = [plot.el, view.el].map((el) => el.getBoundingClientRect());
+      return [plot.model.below.includes(legend), inner.left >= outer.left && inner.right <= outer.right];
+    })()"""
+    wait_for(
+        page, "[...insLabPlots].some(({model}) => model.title?.text.startsWith('Share of the variance of'))"
+    )
+    for width, below in ((1440, False), (390, True), (700, False), (480, True), (1440, False)):
+        page.set_viewport_size({"width": width, "height": 900})
+        drawer = page.get_by_role("button", name="Close drawer")
+        if width < 1100 and drawer.is_visible():
+            drawer.click()
+        wait_for(page, f"String({places}) === '{str(below).lower()},true'")

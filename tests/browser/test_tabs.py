@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.browser.conftest import (
+    DRAWN,
     ERRORS,
     HEIGHT,
     WHOLE,
@@ -216,3 +217,21 @@ def test_a_link_opens_the_missions_with_all_their_cards(open_page: Callable[...,
     page.get_by_role("button", name="Lessons,").click()  # they are not opened behind the missions
     expect(page.get_by_role("button", name="Tuning R", exact=True)).to_be_visible()
     expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
+
+
+def test_what_is_chosen_and_what_colours_mean_is_seen_with_the_colours_of_high_contrast(
+    chromium: Browser, address: str
+) -> None:
+    page = new_context(
+        chromium, viewport={"width": WIDTH, "height": HEIGHT}, forced_colors="active"
+    ).new_page()
+    page.goto(address + ERRORS)
+    wait_for(page, DRAWN)
+    ground = "(element) => getComputedStyle(element).backgroundColor"
+    chosen, other = (page.get_by_role("button", name=name, exact=True) for name in ("Errors", "Covariance"))
+    assert chosen.evaluate(ground) != other.evaluate(ground)
+    band = page.get_by_role("group", name="Legend").locator("i.band")
+    outage = page.get_by_role("toolbar", name="Events of the flight").get_by_role("button").first
+    for coloured in (band, outage, page.locator(".MuiTabs-indicator").first):
+        assert coloured.evaluate(ground) != page.locator("body").evaluate(ground)
+    page.context.close()

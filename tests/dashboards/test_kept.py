@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from dashboards.kept import LONGEST, Kept, Own, Typed, brought_back
+from dashboards.kept import LONGEST, MOST_ENTRIES, Kept, Own, Typed, brought_back
 from dashboards.teaching.school_class import MOST_LESSONS, MOST_STEPS
 
 WORD = some.text(max_size=20)
@@ -31,6 +31,8 @@ PLAIN = some.recursive(
         WORD,
         some.none() | some.builds(Own, WORD, WORD, some.floats(0, 1e6)),
         some.none() | some.builds(Typed, WORD, WORD, some.tuples(WORD), some.tuples(WORD, WORD)),
+        some.dictionaries(WORD, some.lists(WORD, max_size=3), max_size=3),
+        some.just(()),
     ),
     some.booleans(),
 )
@@ -55,6 +57,18 @@ def test_anything_else_is_nothing_or_plain(whole: object, parts: dict[str, objec
 )
 def test_what_is_hostile_is_nothing(brought: object) -> None:
     assert brought_back(brought) == (Kept(), False)
+
+
+@given(
+    some.lists(some.tuples(WORD, WORD, some.booleans() | some.integers(-9, 9) | some.floats(-1, 1) | WORD))
+)
+def test_changes_that_the_server_did_not_hear_come_with_the_same_address_alone(
+    changes: list[tuple[str, str, bool | float | str]],
+) -> None:
+    told = {"kept": "{}", "unheard": [*changes, None, ["path"], ["path", "box", [1]], ["path", "box", None]]}
+    kept, _ = brought_back(json.dumps({**told, "is_same": True}))
+    assert list(kept.unheard) == changes[:MOST_ENTRIES]
+    assert brought_back(json.dumps({**told, "is_same": False})) == (Kept(), False)
 
 
 def test_too_much_is_not_stored() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from html import unescape
 from pathlib import Path
@@ -95,3 +96,22 @@ def test_a_file_is_replaced_only_when_told(changed: Result, tmp_path: Path) -> N
     with pytest.raises(FileNotFoundError, match="no folder"):
         changed.report(tmp_path / "no" / "run.html")
     assert [one.name for one in tmp_path.iterdir()] == ["run.html"]
+
+
+def test_the_flight_is_drawn_in_three_dimensions_and_to_scale_but_for_its_heights(
+    changed: Result, html: str
+) -> None:
+    found = re.search(r'<svg id="scene".*?</svg>', html, re.DOTALL)
+    assert found is not None
+    data = re.search(r'data-paths="(.*?)"', found[0])
+    factor = re.search(r"Heights are drawn ([0-9.]+) times larger", html)
+    assert data is not None
+    paths = [np.array(path) for path in json.loads(unescape(data[1]))]
+    shadow, estimate, truth = paths[0], paths[-2], paths[-1]
+    assert len(paths) == found[0].count("<polyline") == 3 + len(changed.fixes.time)
+    track = changed.drawn_track.sel(path="true")
+    extent = [float(np.ptp(track[name].values)) for name in ("easting", "northing", "height")]
+    drawn = np.ptp(truth, axis=0) / extent / [1, 1, float(factor[1]) if factor else 1]
+    assert drawn == pytest.approx(drawn[:1].repeat(3), rel=0.02)
+    assert np.ptp(shadow[:, 2]) == 0 and (shadow[:, :2] == estimate[:, :2]).all()
+    assert (estimate[:, 2] >= shadow[0, 2]).all()

@@ -1,0 +1,103 @@
+"""A connection that is cut while the server lives, or refused: nothing is lost, and nobody wonders."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+
+from tests.browser.conftest import DRAWN, ERRORS, WHOLE, new_context, wait_for
+
+pytestmark = pytest.mark.browser
+
+BACK = "window.cut !== true && window.insLabReady"
+
+
+class Wire:
+    """The connections of a page: the server can be made deaf to it, and the last one can be cut."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._is_deaf = False
+        self._last: WebSocketRoute | None = None
+        page.route_web_socket(re.compile("/ws"), self._take)
+
+    def _take(self, route: WebSocketRoute) -> None:
+        server = route.connect_to_server()
+        self._last = route
+        route.on_message(lambda message: None if self._is_deaf else server.send(message))
+        server.on_message(route.send)
+
+    def lose(self) -> None:
+        """Let nothing more arrive at the server."""
+        self._is_deaf = True
+
+    def cut(self) -> None:
+        """Cut the connection, and wait until the page is back."""
+        assert self._last is not None
+        self._page.evaluate("window.cut = true")
+        self._is_deaf = False
+        self._last.close()
+        wait_for(self._page, BACK)
+
+
+def test_a_change_that_the_server_did_not_hear_any_more_is_made_after_the_cut(
+    chromium: Browser, address: str
+) -> None:
+    page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
+    wire = Wire(page)
+    page.goto(f"{address}?mission=los_angeles&trajectory.imu_rate=50&{ERRORS.removeprefix('?')}")
+    wait_for(page, DRAWN)
+    noise = page.get_by_role("textbox", name="White noise [°/s/√Hz]")
+    noise.fill("0.2")
+    noise.press("Enter")
+    wait_for(page, "location.search.includes('noise_density=0.2')")
+    wire.lose()
+    noise.fill("0.3")
+    noise.press("Enter")
+    page.get_by_role("textbox", name="Seed").fill("7")
+    page.get_by_role("textbox", name="Seed").press("Enter")
+    wire.cut()
+    wait_for(page, "location.search.includes('noise_density=0.3') && location.search.includes('seed=7')")
+    wait_for(page, DRAWN)
+    expect(noise).to_have_value("0.3")
+    wire.cut()  # what was made again is not made once more, over what was changed meanwhile
+    noise.fill("0.4")
+    noise.press("Enter")
+    wait_for(page, "location.search.includes('noise_density=0.4')")
+    wire.cut()
+    wait_for(page, DRAWN)
+    expect(noise).to_have_value("0.4")
+    page.context.close()
+
+
+def test_what_compare_computes_goes_on_after_a_cut(chromium: Browser, address: str) -> None:
+    page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
+    wire = Wire(page)
+    page.goto(f"{address}?mission=los_angeles&trajectory.imu_rate=50&tab=Compare")
+    wait_for(page, WHOLE)
+    page.get_by_role("button", name="Seeds", exact=True).click()
+    page.get_by_role("textbox", name="Number of seeds").fill("3")
+    page.get_by_role("textbox", name="Number of seeds").press("Enter")
+    page.get_by_role("button", name="A sweep", exact=True).click()
+    page.get_by_role("textbox", name="Seeds of each").fill("2")
+    page.get_by_role("textbox", name="Seeds of each").press("Enter")
+    page.get_by_role("button", name="Run the sweep").click()
+    wait_for(page, "/sweep.*axes.*q_scale/.test(sessionStorage.getItem(`ins-lab-kept ${location.pathname}`))")
+    wire.cut()
+    expect(
+        page.get_by_role("heading", name="Mean of 3 seeds").or_(page.get_by_text("Mean of 3 seeds"))
+    ).to_be_visible()
+    expect(page.get_by_text("Line: mean over the seeds")).to_be_visible()
+    page.context.close()
+
+
+def test_a_page_of_a_refused_name_says_why_it_is_empty(chromium: Browser, address: str) -> None:
+    page = new_context(chromium).new_page()
+    page.goto(address.replace("localhost", "another-name.localhost"))
+    alert = page.get_by_role("alert").filter(has_text="--origin")
+    expect(alert).to_contain_text("cannot connect to its server")
+    expect(alert).to_contain_text(f"--origin {page.evaluate('location.host')}")
+    expect(alert.get_by_role("button", name="Reload")).to_be_visible()
+    page.context.close()
