@@ -109,8 +109,9 @@ def test_the_flight_is_drawn_in_three_dimensions_and_to_scale_but_for_its_height
     paths = [np.array(path) for path in json.loads(unescape(data[1]))]
     shadow, estimate, truth = paths[0], paths[-2], paths[-1]
     assert len(paths) == found[0].count("<polyline") == 3 + len(changed.fixes.time)
-    track = changed.drawn_track.sel(path="true")
-    extent = [float(np.ptp(track[name].values)) for name in ("easting", "northing", "height")]
+    latitude, longitude, height = changed.truth_arrays.taken(np.arange(0, len(changed.time), 50)).position.T
+    earth = 6.371e6  # [m], to half a percent
+    extent = np.ptp([earth * np.cos(latitude[0]) * longitude, earth * latitude, height], axis=1)
     drawn = np.ptp(truth, axis=0) / extent / [1, 1, float(factor[1]) if factor else 1]
     assert drawn == pytest.approx(drawn[:1].repeat(3), rel=0.02)
     assert np.ptp(shadow[:, 2]) == 0 and (shadow[:, :2] == estimate[:, :2]).all()
