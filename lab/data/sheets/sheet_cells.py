@@ -35,7 +35,7 @@ _HEMISPHERE = re.compile(
     rf"(?:{_MINUTES}(?:{_SECONDS})?)?(?:\s{{0,3}}([NSEW]))?"
 )
 """Degrees, or degrees and minutes, or degrees, minutes and seconds."""
-_PAIR = re.compile(r"\s*([+-]?\d+\.\d+)\s*[,;\s]\s*([+-]?\d+\.\d+)\s*")
+_PAIR = re.compile(r"[\s(\[]*([+-]?\d+\.\d+)\s*[,;\s]\s*([+-]?\d+\.\d+)[\s)\]]*")
 _SOUTH_OR_WEST = frozenset("SWsw")
 _NO_PLAIN_NUMBER = re.compile(r"(?i)\d\s*°?\s*[NSEW]|[NSEW]\s*\d|\d[,;\s]+[+-]?\d|\d\s*[°º]")
 """What a column has somewhere whose cells are looked at one by one."""

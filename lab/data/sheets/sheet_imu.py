@@ -46,6 +46,8 @@ _COUNTED = {"acc smooth", "acc adc"}
 """Accelerometers of Betaflight and INAV, which count; how many counts are 1 g depends on the board."""
 _COUNTS = (256, 512, 1024, 2048, 4096)
 """Counts that are 1 g on the boards of these: a range of ±8 or ±16 g in 12 to 16 bits."""
+_RAW_COUNTS = (1024, 2048, 4096, 8192, 16384)
+"""Counts that are 1 g of a MEMS of ±2 to ±32 g in 16 bits, as the MPU-6050 (its register map, ACCEL_XOUT)."""
 _LIKE_COUNTS = 0.2
 """Largest deviation of the size from such a number, as a logarithm: the motion adds to gravity."""
 _MAX_APART = 2.5
@@ -326,6 +328,19 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
     raise MissionError(
         f"{where}: the accelerometers measure {size:.3g} (median), which is gravity in none of the units "
         f"{', '.join(_FORCE_UNITS)}: the numbers may be raw counts; accepted are numbers with a unit"
+        f"{_as_counts(bare, size)}"
+    )
+
+
+def _as_counts(force: Triad, size: float) -> str:
+    """Return the options that make accelerations counts of a usual range of a MEMS; empty if none fits."""
+    counts = min(_RAW_COUNTS, key=lambda one: abs(np.log(size / one)))
+    if abs(np.log(size / counts)) > _LIKE_COUNTS or force.unit:
+        return ""
+    options = " ".join(f'--unit "{one.text}=g/{counts}"' for one in force.headings)
+    return (
+        f". Gravity is near {counts} counts, as of a MEMS of 16 bits: {options} says so, and the unit of the "
+        "gyros is likely to be °/s over a number of counts, too"
     )
 
 
