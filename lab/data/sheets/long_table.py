@@ -36,6 +36,8 @@ _MOSTLY = 0.9
 """Part of these that must have one form."""
 _PLACES = ("latitude", "longitude", "altitude")
 """What three numbers of a receiver are."""
+_POLE, _HALF_TURN = 90.0, 180.0
+"""Largest latitude and longitude [°]: a first number that is larger is a longitude."""
 _WHOLE = ({"rate_x", "rate_y", "rate_z", "force_x", "force_y", "force_z"}, {"latitude", "longitude"})
 """Quantities, one of a row, that are worth reading: those of an IMU, or of a receiver."""
 
@@ -90,7 +92,9 @@ def _headings(form: _Form, sensor: str, rows: Sequence[str]) -> list[str]:
     if set(_WORD.findall(sensor.lower())) & SENSORS["receiver"] | {"gnss"} & {sensor.lower()}:
         first = [row.split(form.delimiter) for row in rows[:_ROWS]]
         sizes = [max(_size(row[place]) for row in first) for place in form.values]
-        axes = _PLACES if sizes[0] <= 90 and sizes[1] <= 180 else (_PLACES[1], _PLACES[0], _PLACES[2])
+        axes = (
+            _PLACES if sizes[0] <= _POLE and sizes[1] <= _HALF_TURN else (_PLACES[1], _PLACES[0], _PLACES[2])
+        )
     names = list(form.names)
     for place, axis in zip(form.values, axes, strict=True):
         names[place] = axis
