@@ -287,7 +287,7 @@ def test_a_recording_becomes_a_log_or_says_what_lacks(tmp_path: Path) -> None:
     source.record(path)
     with source:
         until(lambda: source.end.imu == 200)
-    with pytest.raises(MissionError, match=r"short\.inslab.*GPS"):
+    with pytest.raises(MissionError, match=r"short\.inslab.*no fix of a receiver"):
         log_of_recording(path)
 
 
