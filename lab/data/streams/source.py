@@ -266,12 +266,14 @@ class Source:
         until
             Time of the sample for which one waits; earlier ones without a fix or a reading do not wake [s].
         """
-        with self._changed:
+
+        def has_come() -> bool:
             end = self._ring.end
-            if self.ended or (end != cursor and (self._newest >= until or end[1:] != cursor[1:])):
-                return True
+            return self.ended or (end != cursor and (self._newest >= until or end[1:] != cursor[1:]))
+
+        with self._changed:
             self._awaited.append(until)
-            self._changed.wait(longest)
+            self._changed.wait_for(has_come, longest)
             self._awaited.remove(until)
             return self._ring.end != cursor or self.ended
 
