@@ -23,6 +23,7 @@ from lab.base.files.mission_error import MissionError
 from lab.base.parameters.toml_file import read_toml
 from lab.data.files.profile import profile_of
 from lab.data.files.unit_names import UNITS, unit_of
+from lab.data.protocols import text_cells
 from lab.data.protocols.column_map import (
     CLOCK,
     IGNORED,
@@ -51,8 +52,6 @@ from lab.data.protocols.text_cells import IS_CELL, IS_CLOCK, IS_NUMBER, IS_STAMP
 from lab.data.sheets.column_names import given_heading, heading_of
 
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
-_COMMAS = re.compile(r"[+-]?\d+(?:, ?[+-]?\d+){3,}")
-_PADDED = re.compile(r"\b0\d")
 _PREFIX = re.compile(r"[^\d+\-.,;\s]{1,16}[=:]?")
 _STREAMED = (
     ("count", "", re.compile(r"count|counter|sample|n|index")),
@@ -106,29 +105,12 @@ def guess_columns(
         is_whole = all(any(line.startswith(first) for line in lines) for first, *_ in columns.texts)
         if is_whole and sum(pattern.match(line) is not None for line in lines) >= PERIODS:
             return replace(columns, remarks=(f"{whose}.",))
-    if not said and _have_decimal_commas(lines):
+    if not said and text_cells.have_decimal_commas(lines):
         return None  # which comma ends a number is not known
     try:
         return _of_separated(lines, said, whole) or _of_labelled(lines, said, whole)
     except _MoreLinesError:
         return None
-
-
-def _have_decimal_commas(lines: Sequence[str]) -> bool:
-    """Return whether whole numbers between commas are the parts of numbers with a decimal comma.
-
-    Whole numbers do not begin with a zero, and do not have the same number of digits in every line.
-    """
-    rows = [line.strip().split(",") for line in lines if _COMMAS.fullmatch(line.strip())][1:]
-    if len(rows) < PERIODS or len({len(row) for row in rows}) != 1:
-        return False
-    return (
-        sum(
-            len({*map(len, cells)}) == 1 and _PADDED.search(" ".join(cells)) is not None
-            for cells in zip(*rows, strict=True)
-        )
-        >= AXES
-    )
 
 
 class _MoreLinesError(Exception):

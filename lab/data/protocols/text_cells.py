@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from lab.data.protocols.column_map import CLOCK as OF_DAY
@@ -33,6 +34,10 @@ IS_CELL = re.compile(
 )
 """A digit after a letter, such as that of ``X1``, ``m/s^2`` or ``ms/2``, is part of a text, and so is the
 address of a device, such as ``0x68`` or ``D4:22:CD:00:01:02``."""
+_COMMAS = re.compile(r"[+-]?\d+(?:, ?[+-]?\d+){3,}")
+_PADDED = re.compile(r"\b0\d")
+_FEWEST = 3
+"""Fewest lines and columns by which numbers are seen to have decimal commas."""
 _COLOUR = re.compile(r"\x1b\[[\d;?]*[A-Za-z]")
 
 
@@ -138,3 +143,15 @@ def patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
         )
         for texts in columns.texts
     ]
+
+
+def have_decimal_commas(lines: Sequence[str]) -> bool:
+    """Return whether whole numbers between commas are the parts of numbers with a decimal comma.
+
+    Whole numbers do not begin with a zero, and do not have the same number of digits in every line.
+    """
+    rows = [line.strip().split(",") for line in lines if _COMMAS.fullmatch(line.strip())][1:]
+    if len(rows) < _FEWEST or len({len(row) for row in rows}) != 1:
+        return False
+    columns = [cells for cells in zip(*rows, strict=True) if len({*map(len, cells)}) == 1]
+    return sum(_PADDED.search(" ".join(cells)) is not None for cells in columns) >= _FEWEST

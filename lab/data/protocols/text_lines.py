@@ -342,10 +342,9 @@ class TextLines:
         if columns is None or columns.texts or not is_late or not self.follows_headers or text in self._known:
             return False
         headings = headings_in(text, columns.separator)
-        if len(headings) != len(columns.columns):
-            return False
         found = [one for one in named(headings, []) if one.kind not in self._units]
-        return any(one.unit and one not in columns.columns for one in found)
+        is_of_these = len(headings) == len(columns.columns)
+        return is_of_these and any(one.unit and one not in columns.columns for one in found)
 
     def _leave_out(self, text: str, size: int) -> None:
         if self._is_another_header(text):

@@ -37,6 +37,7 @@ _NEAR_THOUSAND = 0.05
 _TIMES = ("s", "ms", "µs", "ns")
 """Units of times that differ by 1000."""
 _UNPACED = (math.nan, math.nan, 0)
+"""No time of a text has come yet."""
 _SHOWN_BY_TURNS = ("mrad/s", "m°/s")
 """Units of rates that nobody is asked about, as sensors send them rarely, but that a turn may show."""
 
