@@ -19,6 +19,7 @@ FIXES_KEPT: Final = 18000
 _SOLUTION: Final = {
     "position": (3,), "velocity_n": (3,), "q_nb": (4,), "bias": (6,), "variance": (15,), "covariance": (2, 3),
 }  # fmt: skip
+"""Columns of what the filter estimates: shape of a row."""
 _ROWS: Final[dict[str, tuple[int, ...]]] = {"time": (), "phase": (), **_SOLUTION}
 """Columns of the history: shape of a row."""
 _INNOVATIONS: Final = {"time": (), "innovation": (6,), "innovation_covariance": (6, 6), "rejected": ()}

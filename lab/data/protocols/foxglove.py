@@ -72,6 +72,7 @@ _LOCATION: Final = _object(
     position_covariance={"type": "array", "items": _NUMBER, "minItems": 9, "maxItems": 9},
     position_covariance_type={"type": "integer"},
 )
+"""Form of a place, as Foxglove's LocationFix."""
 _TRANSFORM: Final = _object(
     timestamp=_TIME,
     parent_frame_id={"type": "string"},
