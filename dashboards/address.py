@@ -220,9 +220,10 @@ class Address:
                 self._session.go("Lessons", None)
         try:
             self._session.accept(trial)
-        except SettingError as error:
+        except SettingError as error:  # there is no such mission: the rest of the link is taken
             problems.append(str(error))
-            self._session.compute()
+            trial.mission = self._session.experiment.mission
+            self._session.accept(trial)
         problems += self.notes.bring(rest)
         self._session.problem = "\n\n".join(problems)
 

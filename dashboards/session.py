@@ -386,6 +386,11 @@ class Session(param.Parameterized):
         with together(self._document):
             if outcome.result is None:
                 self._run_failed, self.problem = True, outcome.problem
+                if experiment.mission not in missions():
+                    self.problem = (
+                        f"The mission {experiment.mission[:60]!r} is not there any more. "
+                        "Choose another one. If it was deleted on another page, undo there brings it back."
+                    )
                 if is_restored:  # what was computed before can no longer be
                     self._released = None
                 elif self.result is None and self._released is not None and experiment is self._newest:
@@ -425,5 +430,6 @@ def _check_mission(name: str) -> None:
     known = missions()
     if name not in known:
         raise SettingError(
-            f"mission = {name[:60]!r}: there is no such mission; accepted is one of {names_in_words(known)}"
+            f"{name[:60]!r}: there is no such mission, or it was deleted; accepted is one of "
+            f"{names_in_words(known)}"
         )

@@ -185,6 +185,8 @@ def test_nonsense_in_the_address_is_answered(open_page: Open, query: str, words:
     page = open_page(query)
     for part in words:
         expect(page.get_by_role("alert")).to_contain_text(part)
+    if "seed=2" in query:  # the rest of the link is taken
+        expect(page.get_by_role("textbox", name="Seed")).to_have_value("2")
     expect(page.get_by_role("alert")).not_to_contain_text("Traceback")
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from bokeh.document import Document
 
+from dashboards.computing import Outcome
 from dashboards.session import Session
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
@@ -38,6 +39,13 @@ def test_a_mission_is_named_and_never_a_file(session: Session, elsewhere: str) -
     assert session.experiment.mission == "montreal"
     assert session.change("mission", "los_angeles")
     assert (session.experiment.mission, session.problem) == ("los_angeles", "")
+
+
+def test_a_mission_that_was_deleted_on_another_page_is_named_as_such(session: Session) -> None:
+    session._receive(Experiment(mission="deleted"), Outcome(problem="a sentence for the command line"))
+    assert "'deleted' is not there any more" in session.problem
+    session._receive(Experiment(), Outcome(problem="another fault"))
+    assert session.problem == "another fault"
 
 
 def test_a_text_that_looks_like_a_mission_of_another_setting_is_not_asked(session: Session) -> None:
