@@ -305,7 +305,8 @@ def _oriented_log(
     named = any(one.sign < 0 or one.sensor == GIVEN for one in imu.accelerometer.headings)
     is_signed = named or sheet.signed or not is_phone
     level = vehicle_of(vehicle).stays_level
-    by_words = any(one.headings[0].sensor in OF_DIRECTIONS for one in (imu.gyro, imu.accelerometer))
+    words = {one.headings[0].sensor for one in (imu.gyro, imu.accelerometer)} & {*OF_DIRECTIONS}
+    by_words = words if OF_DIRECTIONS[1] in words else frozenset()
     return oriented(imu.samples, with_fixes(gnss), axes, is_phone, is_signed, shown, level, by_words)
 
 

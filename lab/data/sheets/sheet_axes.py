@@ -8,6 +8,7 @@ reported as an assumption.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -24,6 +25,7 @@ from lab.data.checks.imu_axes import XYZ, axes_matrix
 from lab.data.checks.log_check import check_log, is_explained, matches_of
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import SensorLog
+from lab.data.sheets.column_names import OF_DIRECTIONS
 
 Axes = tuple[str, str, str]
 
@@ -68,7 +70,7 @@ def oriented(
     signed: bool = True,
     shown: Callable[[FloatArray], SensorLog] | None = None,
     level: bool = True,
-    by_words: bool = False,
+    by_words: AbstractSet[str] = frozenset(),
 ) -> Oriented:
     """Return a log in forward, right, down, with the axes that point there.
 
@@ -89,7 +91,8 @@ def oriented(
     level
         Whether the vehicle is level on average; a rocket stands on its tail.
     by_words
-        Whether headings name directions, such as lateral or yaw, and no axes: their signs are then open.
+        Which of `OF_DIRECTIONS` the sensors are, if headings name the directions of accelerometers, such as
+        lateral: their signs are then open, and those of gyros too if these are named so.
 
     Raises
     ------
@@ -105,7 +108,9 @@ def oriented(
     judged = shown or build
     signs = ""
     if by_words:
-        samples, signs = _in_signs_of_motion(samples, judged, phone, level)
+        samples, signs = _in_signs_of_motion(
+            samples, judged, phone, level, gyros=OF_DIRECTIONS[0] in by_words
+        )
     passed, refused = _tried(samples, judged, phone, level)
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
     if not passed:
@@ -127,11 +132,12 @@ def oriented(
 
 
 def _in_signs_of_motion(
-    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool, level: bool
+    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool, level: bool, *, gyros: bool
 ) -> tuple[FloatArray, str]:
     """Return samples in the signs of lateral force and gyros that the motion shows, and a sentence on them.
 
     Loggers of cars count lateral acceleration and yaw to either side: the two may be of left-handed axes.
+    Gyros that are named x, y, z are right-handed, with y and z to either side.
     """
     axes = next(_candidates(samples, phone, level))
     C, matches = axes_matrix(axes), matches_of(build(_turned(samples, axes)))
@@ -139,10 +145,12 @@ def _in_signs_of_motion(
         return samples, ""
 
     def misfit(signs: tuple[float, ...]) -> float:
-        gyros, forces = (C @ np.diag(one) @ C.T for one in (signs[:3], (1.0, signs[3], 1.0)))
-        return float(np.mean([matches.misfit(at, gyros, forces) for at in range(len(matches.windows))]))
+        rates, forces = (C @ np.diag(one) @ C.T for one in (signs[:3], (1.0, signs[3], 1.0)))
+        return float(np.mean([matches.misfit(at, rates, forces) for at in range(len(matches.windows))]))
 
-    tried = sorted((misfit(one), one) for one in product((1.0, -1.0), repeat=4))
+    handed = ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0))
+    open_signs = (one for one in product((1.0, -1.0), repeat=4) if gyros or one[:3] in handed)
+    tried = sorted((misfit(one), one) for one in open_signs)
     fitting = [one for one in tried if one[0] < limits.LOG.gyro_misfit]
     turned = [(left, np.array((*one[:3], 1.0, one[3], 1.0))) for left, one in fitting]
     passed = [(left, signs) for left, signs in turned if _passes(build(_turned(samples * signs, axes)))]
