@@ -71,7 +71,7 @@ _SPELLINGS = {spelling: unit for unit, spellings in {
     "min": "minutes",
     "h": "hours hour hr hrs",
     "days": "day",
-    "°": "deg degrees degree º wgs84 dd decimaldegrees decimaldeg",
+    "°": "deg degrees degree º wgs84 dd decimaldegrees decimaldeg angle:degs",
     "rad": "radians radian",
     "m": "м metres meters metre meter mtr mtrs masl mamsl mmsl",
     "ft": "feet foot ftmsl ftasl ftamsl ftagl ftwgs",

@@ -455,7 +455,9 @@ def _scalar(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | 
         reversed_ = {"longitude": {"west"}, "east": {"west", "w"}, "north": {"south"}}
         if set(words) & reversed_.get(quantity, set()):
             return Heading(text, quantity, unit=known, rank=rank, sign=-1)
-        others: tuple[str, ...] = ("acceleration", "speed" if quantity != "speed" else "length")
+        others: tuple[str, ...] = (
+            "acceleration", "angular rate", "speed" if quantity != "speed" else "length",
+        )  # fmt: skip
         if quantity.endswith("_sigma"):
             others = ("acceleration", "angle", "speed" if SCALARS[quantity] != "speed" else "length")
         if unit and not known and any(unit_of(other, unit) for other in others):

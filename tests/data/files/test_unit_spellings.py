@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lab.data.files.unit_names import unit_of
+from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sheet import read_sheet
 from lab.data.sheets.sheet_clock import clock_of
 from lab.data.sheets.sheet_fixes import fixes_of
@@ -152,3 +153,13 @@ def test_times(heading, factor):
 )  # fmt: skip
 def test_what_is_no_unit(kind, text):
     assert unit_of(kind, text) == ""
+
+
+@pytest.mark.parametrize(
+    "heading", ["GPS Latitude (deg/s)", "longitude [rad/s]", "course_dps", "speed (°/s)"]
+)
+def test_a_rate_is_no_place_and_no_speed(heading):
+    """Columns that were exchanged with their units, and not with their headings, are not read."""
+    found = heading_of(heading)
+    assert found is None or found.quantity == "rate"
+    assert heading_of("heading (degs)").unit == "°"
