@@ -277,7 +277,8 @@ def _with_units_above(line: bytes, layout: Layout) -> Layout:
 def units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
     """Return units by column if the first row that is not empty holds them, and where the rows begin.
 
-    The unit may be an acceleration for what a heading does not say: VerticalAcc in g is no accuracy.
+    The unit may be another one than the heading lets expect: VerticalAcc in g is no accuracy, and a latitude
+    in °/s none.
     """
     if (first := _SAYS.search(data)) is None:
         return {}, 0
@@ -291,7 +292,7 @@ def units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
             continue
         unit = unit_of(known.kind, cells[place])
         if not unit and known.quantity in SCALARS:
-            unit = unit_of("acceleration", cells[place])
+            unit = unit_of("acceleration", cells[place]) or unit_of("angular rate", cells[place])
         if unit:
             units[place] = unit
     return (units, start) if units and end >= 0 else ({}, 0)

@@ -163,3 +163,5 @@ def test_a_rate_is_no_place_and_no_speed(heading):
     found = heading_of(heading)
     assert found is None or found.quantity == "rate"
     assert heading_of("heading (degs)").unit == "°"
+    below = read_sheet("log.csv", b"Time,Latitude,Longitude,Altitude\ns,deg/s,deg,m\n0,1,2,3\n1,1,2,3\n")
+    assert [one.quantity for one in below.headings] == ["time", "longitude", "height"]
