@@ -26,23 +26,11 @@ def written() -> bytes:
     return writer.write(mission("montreal").recording)
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Return a function that writes bytes into a file of any name, and returns its path."""
-
-    def path_of(data: bytes):
-        path = tmp_path / "log.dat"
-        path.write_bytes(data)
-        return path
-
-    return path_of
-
-
-def test_an_independent_decoder_reads_the_same_numbers(written, file):
+def test_an_independent_decoder_reads_the_same_numbers(written, path_of):
     short = written[: written.index(writer.MARKS, 200_000)]
     ours = DataFlashFile.of(short, SENSORS)
     theirs: dict[str, list] = {name: [] for name in SENSORS}
-    reader = DFReader_binary(str(file(short)))
+    reader = DFReader_binary(str(path_of(short)))
     while (message := reader.recv_msg()) is not None:
         if message.get_type() in theirs:
             theirs[message.get_type()].append(message)
@@ -55,8 +43,8 @@ def test_an_independent_decoder_reads_the_same_numbers(written, file):
     assert ours.lost_bytes == 0
 
 
-def test_the_flight_is_the_one_that_was_logged(written, file):
-    path = file(written)
+def test_the_flight_is_the_one_that_was_logged(written, path_of):
+    path = path_of(written)
     assert reader_of(path).name == ardupilot.NAME
     flight = ardupilot.read([path], {})
     time = flight.time - writer.BOOT * 1e-6
@@ -72,8 +60,8 @@ def test_the_flight_is_the_one_that_was_logged(written, file):
     assert len(time) == flight.rows_read == 5126
 
 
-def test_the_sensors_are_those_that_were_logged(written, file):
-    log = ardupilot.read_log(file(written))
+def test_the_sensors_are_those_that_were_logged(written, path_of):
+    log = ardupilot.read_log(path_of(written))
     seen = autopilot.sensed(mission("montreal").recording, writer.IMU_RATE)
     turn, force = log.rates
     np.testing.assert_allclose(np.concatenate((turn, force), axis=1), seen.rates[1:], atol=2e-6)
@@ -93,30 +81,30 @@ def renamed(data: bytes, old: str, new: str) -> bytes:
     return data[:at] + new.encode().ljust(4, b"\0") + data[at + 4 :]
 
 
-def test_what_a_log_lacks_other_messages_stand_in_for(written, file):
-    flight = ardupilot.read([file(renamed(written, "XKF1", "NKF1"))], {})
+def test_what_a_log_lacks_other_messages_stand_in_for(written, path_of):
+    flight = ardupilot.read([path_of(renamed(written, "XKF1", "NKF1"))], {})
     assert len(flight.time) == 5126
-    by_gps = ardupilot.read([file(renamed(written, "XKF1", "XXXX"))], {})
+    by_gps = ardupilot.read([path_of(renamed(written, "XKF1", "XXXX"))], {})
     at = autopilot.trajectory(mission("montreal").recording).at(by_gps.time - writer.BOOT * 1e-6)
     assert np.abs(by_gps.velocity_n - at.velocity_n).max() < 2.0  # noise, and 0.11 s of a turning aeroplane
-    assert ardupilot.read([file(renamed(written, "ATT", "XXX"))], {}).euler is None
-    without_geoid = ardupilot.read([file(renamed(written, "GPA", "XXX"))], {})
+    assert ardupilot.read([path_of(renamed(written, "ATT", "XXX"))], {}).euler is None
+    without_geoid = ardupilot.read([path_of(renamed(written, "GPA", "XXX"))], {})
     np.testing.assert_allclose(without_geoid.height - flight.height, -writer.GEOID, atol=1e-4)
     assert "above sea level" in without_geoid.remarks[1]
 
 
-def test_of_a_novatel_receiver_the_undulation_has_the_other_sign(written, file, monkeypatch):
+def test_of_a_novatel_receiver_the_undulation_has_the_other_sign(written, path_of, monkeypatch):
     monkeypatch.setitem(writer.PARAMETERS, "GPS1_TYPE", 15.0)
     novatel = writer.write(mission("montreal").recording, undulation=writer.GEOID)
     np.testing.assert_array_equal(
-        ardupilot.read([file(novatel)], {}).height, ardupilot.read([file(written)], {}).height
+        ardupilot.read([path_of(novatel)], {}).height, ardupilot.read([path_of(written)], {}).height
     )
     np.testing.assert_array_equal(
-        ardupilot.read_log(file(novatel)).gnss.position, ardupilot.read_log(file(written)).gnss.position
+        ardupilot.read_log(path_of(novatel)).gnss.position, ardupilot.read_log(path_of(written)).gnss.position
     )
 
 
-def test_of_several_cores_and_instances_the_first_is_taken(written, file):
+def test_of_several_cores_and_instances_the_first_is_taken(written, path_of):
     data, number = bytearray(written), writer.FORMATS["XKF1"][0]
     size, at, count = writer.packer("XKF1").size, 0, 0
     while (at := data.find(bytes((0xA3, 0x95, number)), at)) >= 0:
@@ -124,16 +112,16 @@ def test_of_several_cores_and_instances_the_first_is_taken(written, file):
             data[at + 11] = 1  # the core, after header and time
         count += 1
         at += size
-    flight = ardupilot.read([file(renamed(bytes(data), "ATT", "XXX"))], {})
+    flight = ardupilot.read([path_of(renamed(bytes(data), "ATT", "XXX"))], {})
     assert len(flight.time) == pytest.approx(5126 / 2, abs=1)
 
 
-def test_messages_without_a_time_are_not_used(written, file):
+def test_messages_without_a_time_are_not_used(written, path_of):
     at = written.index(b"TimeUS,I,Status")
     without = written[:at] + b"TimeXX" + written[at + 6 :]
     with pytest.raises(MissionError, match="does not have a GPS"):
-        ardupilot.read_log(file(without))
-    assert len(ardupilot.read([file(without)], {}).time) == 5126
+        ardupilot.read_log(path_of(without))
+    assert len(ardupilot.read([path_of(without)], {}).time) == 5126
 
 
 @pytest.fixture(scope="module", params=[2012, 2013, 2014])
@@ -142,9 +130,9 @@ def old(request) -> tuple[int, bytes]:
 
 
 @pytest.mark.proof
-def test_old_logs_with_times_in_milliseconds_or_of_the_week_are_read(old, file):
+def test_old_logs_with_times_in_milliseconds_or_of_the_week_are_read(old, path_of):
     year, data = old
-    flight = ardupilot.read([file(data)], {})
+    flight = ardupilot.read([path_of(data)], {})
     # 2012 has no clock but that of the GPS week, on which a message is where its fix was, not when written.
     since = 1e-3 * writer.WEEK_MS if year == 2012 else 1e-6 * writer.BOOT
     late = 0.0 if year == 2012 else writer.BUS_DELAY
@@ -164,9 +152,9 @@ def test_old_logs_with_times_in_milliseconds_or_of_the_week_are_read(old, file):
     assert np.degrees(np.sqrt(np.mean(off.magnitude() ** 2))) < (1.0 if year == 2012 else 0.05)
 
 
-def test_the_sensors_of_old_logs_are_read(old, file):
+def test_the_sensors_of_old_logs_are_read(old, path_of):
     year, data = old
-    log = ardupilot.read_log(file(data))
+    log = ardupilot.read_log(path_of(data))
     seen = autopilot.sensed(mission("montreal").recording, writer.IMU_RATE)
     turn, force = log.rates
     start = 0
@@ -200,31 +188,31 @@ def as_text(data: bytes) -> bytes:
 
 @pytest.mark.proof
 @pytest.mark.parametrize("year", [2013, 2014])
-def test_a_log_as_text_is_the_log(year, file):
+def test_a_log_as_text_is_the_log(year, path_of):
     data = writer.write_old(mission("montreal").recording, year)
     data = data[: data.index(writer.MARKS, 200_000)]
-    by_bytes, by_text = ardupilot.read_log(file(data)), ardupilot.read_log(file(as_text(data)))
+    by_bytes, by_text = ardupilot.read_log(path_of(data)), ardupilot.read_log(path_of(as_text(data)))
     np.testing.assert_allclose(by_text.dvelocity, by_bytes.dvelocity, atol=1e-7)
     np.testing.assert_allclose(by_text.gnss.position, by_bytes.gnss.position, atol=1e-11)
-    flight = ardupilot.read([file(as_text(data))], {})
-    np.testing.assert_allclose(flight.euler, ardupilot.read([file(data)], {}).euler, atol=1e-6)
+    flight = ardupilot.read([path_of(as_text(data))], {})
+    np.testing.assert_allclose(flight.euler, ardupilot.read([path_of(data)], {}).euler, atol=1e-6)
     broken = as_text(data).replace(b"\nIMU, ", b"\nIMU, , ", 3)
-    assert len(ardupilot.read_log(file(broken)).dtheta) == len(by_bytes.dtheta) - 3
+    assert len(ardupilot.read_log(path_of(broken)).dtheta) == len(by_bytes.dtheta) - 3
 
 
-def test_the_status_of_a_fix_was_2_in_2012_and_none_is_said(file):
+def test_the_status_of_a_fix_was_2_in_2012_and_none_is_said(path_of):
     recording = mission("montreal").recording
-    assert len(ardupilot.read_log(file(writer.write_old(recording, 2012, status=2))).gnss.time) > 900
+    assert len(ardupilot.read_log(path_of(writer.write_old(recording, 2012, status=2))).gnss.time) > 900
     with pytest.raises(MissionError, match=r"none of the \d+ GPS messages has a fix.*Status 1 at most"):
-        ardupilot.read_log(file(writer.write_old(recording, 2013, status=1)))
+        ardupilot.read_log(path_of(writer.write_old(recording, 2013, status=1)))
 
 
-def test_broken_bytes_are_left_out_and_said(written, file):
+def test_broken_bytes_are_left_out_and_said(written, path_of):
     broken = bytearray(written)
     rng = np.random.default_rng(2)
     for start in (300_000, 600_000, 900_000):
         broken[start : start + 300] = rng.integers(0, 256, 300, dtype=np.uint8).tobytes()
-    flight = ardupilot.read([file(bytes(broken[:1_200_000]))], {})
+    flight = ardupilot.read([path_of(bytes(broken[:1_200_000]))], {})
     assert 4900 < len(flight.time) < 5126
     assert any("could not be decoded" in remark for remark in flight.remarks)
     truth = autopilot.trajectory(mission("montreal").recording).at(flight.time - writer.BOOT * 1e-6)
@@ -248,16 +236,16 @@ def describe(name: bytes, form: bytes, columns: bytes, length: int = 60) -> byte
         ),
     ],
 )
-def test_what_gives_no_flight_is_refused(file, data, words):
+def test_what_gives_no_flight_is_refused(path_of, data, words):
     with pytest.raises(MissionError, match=words):
-        ardupilot.read([file(data)], {})
+        ardupilot.read([path_of(data)], {})
     with pytest.raises(MissionError):
-        ardupilot.read_log(file(data))
+        ardupilot.read_log(path_of(data))
 
 
 @pytest.mark.parametrize("hovers", [True, False])
-def test_the_course_of_an_aeroplane_that_hovers_is_not_its_heading(file, monkeypatch, hovers):
+def test_the_course_of_an_aeroplane_that_hovers_is_not_its_heading(path_of, monkeypatch, hovers):
     monkeypatch.setitem(writer.PARAMETERS, "Q_ENABLE", float(hovers))
-    path = file(writer.write(mission("montreal").recording))
+    path = path_of(writer.write(mission("montreal").recording))
     for vehicle in (ardupilot.read_log(path).auxiliary.vehicle, ardupilot.read([path], {}).vehicle):
         assert vehicle_of(vehicle).follows_nose is not hovers

@@ -21,22 +21,10 @@ from writers import fit as writer
 from writers.resampled import resampled
 
 from lab.data.files import fit
-from lab.data.formats import reader_of
 from lab.missions import MissionError, mission
 from lab.motion.frames import ecef
 
-
-@pytest.fixture
-def file(tmp_path):
-    """Return a function that writes bytes and reads them as FIT."""
-
-    def read(data: bytes, units=None):
-        path = tmp_path / "activity.dat"
-        path.write_bytes(data)
-        assert reader_of(path).name == fit.NAME
-        return fit.read([path], units or {})
-
-    return read
+READER = fit
 
 
 def records(count: int, first: int = 0) -> list[RecordMessage]:

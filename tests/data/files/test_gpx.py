@@ -8,8 +8,9 @@ import pytest
 from writers import gpx as writer
 
 from lab.data.files import gpx
-from lab.data.formats import reader_of
 from lab.missions import ImportSettings, MissionError, mission, prepare_import
+
+READER = gpx
 
 POINT = '<trkpt lat="{lat}" lon="{lon}"><ele>{ele}</ele><time>2024-05-17T14:00:{second:06.3f}Z</time></trkpt>'
 
@@ -26,19 +27,6 @@ def document(*segments: str, before: str = "", inside: str = "") -> str:
         f'<?xml version="1.0"?>{before}<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">\n'
         f"{inside}<trk>{body}</trk></gpx>"
     )
-
-
-@pytest.fixture
-def file(tmp_path):
-    """Return a function that writes text and reads it as GPX."""
-
-    def read(text: str | bytes, units=None):
-        path = tmp_path / "track.gpx"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        assert reader_of(path).name == gpx.NAME
-        return gpx.read([path], units or {})
-
-    return read
 
 
 def test_an_independent_parser_reads_the_same(file):
@@ -90,13 +78,13 @@ def test_segments_of_one_way_are_one_track(file, tmp_path):
     flight = file(document(*parts))
     assert len(flight.time) == 30
     assert not flight.dropped
-    made = prepare_import(tmp_path / "track.gpx")
+    made = prepare_import(tmp_path / "log.dat")
     assert len(made.flight.raw.time) == 27  # bridged are five usual steps, not the eight at the end
     assert "--set longest_gap=8 keeps 100 % of the samples" in str(made.report).replace("\n", " ").replace(
         "                     ", ""
     )
     assert "cut at pauses longer than 5 s" in " ".join(str(made.report).split())
-    assert len(prepare_import(tmp_path / "track.gpx", ImportSettings(longest_gap=8.0)).flight.raw.time) == 30
+    assert len(prepare_import(tmp_path / "log.dat", ImportSettings(longest_gap=8.0)).flight.raw.time) == 30
     # Another receiver at the same time, and one that is elsewhere, are other tracks.
     flight = file(document(parts[2], parts[2].replace('lon="-73.0"', 'lon="-73.001"'), points(8, 40, lat=46)))
     assert len(flight.time) == 16

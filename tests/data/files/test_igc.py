@@ -12,9 +12,10 @@ from writers import igc as writer
 from writers.resampled import resampled
 
 from lab.data.files import igc
-from lab.data.formats import reader_of
 from lab.missions import MissionError, mission
 from lab.motion.frames import ecef
+
+READER = igc
 
 HEAD = "AXXX123\r\nHFDTE{date}\r\n"
 FIX = "B{clock}{lat}N{lon}W{valid}{pressure:05d}{height:05d}{more}\r\n"
@@ -31,19 +32,6 @@ def fixes(count: int, first: int = 12 * 3600, **cells) -> str:
             cells |= {"pressure": 0, "height": 0} | cells["level"]
         lines.append(FIX.format(**{"clock": clock, "lat": f"45{10 * i:05d}", "lon": "07344050"} | cells))
     return "".join(lines)
-
-
-@pytest.fixture
-def file(tmp_path):
-    """Return a function that writes text and reads it as IGC."""
-
-    def read(text: str | bytes, units=None):
-        path = tmp_path / "track.dat"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        assert reader_of(path).name == igc.NAME
-        return igc.read([path], units or {})
-
-    return read
 
 
 def test_an_independent_parser_reads_the_same(file):

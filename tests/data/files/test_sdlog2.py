@@ -22,26 +22,14 @@ def written() -> bytes:
     return writer.write(mission("montreal").recording)
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Return a function that writes bytes into a file of any name, and returns its path."""
-
-    def path_of(data: bytes):
-        path = tmp_path / "log.dat"
-        path.write_bytes(data)
-        return path
-
-    return path_of
-
-
 def truth_at(time: np.ndarray):
     return autopilot.trajectory(mission("montreal").recording).at(time - 1e-6 * writer.BOOT)
 
 
-def test_an_independent_decoder_reads_the_same_numbers_and_times(written, file):
+def test_an_independent_decoder_reads_the_same_numbers_and_times(written, path_of):
     short = written[: written.index(b"\xa3\x95\x81", 100_000)]
     ours = DataFlashFile.of(short, writer.FORMATS)
-    reader = DFReader_binary(str(file(short)), zero_time_base=True)
+    reader = DFReader_binary(str(path_of(short)), zero_time_base=True)
     theirs: dict[str, list] = {name: [] for name in writer.FORMATS}
     while (message := reader.recv_msg()) is not None:
         if message.get_type() in theirs:
@@ -49,13 +37,13 @@ def test_an_independent_decoder_reads_the_same_numbers_and_times(written, file):
     for name, messages in theirs.items():
         for key, values in ours.numbers(name).items():
             np.testing.assert_allclose(values, [getattr(one, key) for one in messages], rtol=1e-12)
-    flight = sdlog2.read([file(short)], {})
+    flight = sdlog2.read([path_of(short)], {})
     stamps = np.array([one._timestamp for one in theirs["GPOS"]])
     np.testing.assert_allclose(flight.time - flight.time[0], stamps - stamps[0], atol=2e-6)
 
 
-def test_the_flight_is_the_one_that_was_logged(written, file):
-    path = file(written)
+def test_the_flight_is_the_one_that_was_logged(written, path_of):
+    path = path_of(written)
     assert reader_of(path).name == sdlog2.NAME
     assert not ardupilot.recognises(written[:65536])
     flight = sdlog2.read([path], {})
@@ -71,8 +59,8 @@ def test_the_flight_is_the_one_that_was_logged(written, file):
     assert flight.vehicle == "fixed wing"
 
 
-def test_the_sensors_are_those_that_were_logged(written, file):
-    log = sdlog2.read_log(file(written))
+def test_the_sensors_are_those_that_were_logged(written, path_of):
+    log = sdlog2.read_log(path_of(written))
     seen = autopilot.sensed(mission("montreal").recording, writer.RATE)
     turn, force = log.rates
     np.testing.assert_allclose(
@@ -90,19 +78,19 @@ def renamed(data: bytes, old: bytes, new: bytes) -> bytes:
     return data[:at] + new.ljust(4, b"\0") + data[at + 4 :]
 
 
-def test_what_a_log_lacks_other_messages_stand_in_for(written, file):
+def test_what_a_log_lacks_other_messages_stand_in_for(written, path_of):
     short = written[:600_000]
-    by_gps = sdlog2.read([file(renamed(short, b"GPOS", b"XXXX"))], {})
+    by_gps = sdlog2.read([path_of(renamed(short, b"GPOS", b"XXXX"))], {})
     assert np.abs(by_gps.velocity_n - truth_at(by_gps.time).velocity_n).max() < 2.0
-    by_angles = sdlog2.read([file(short.replace(b"qw,qx,qy,qz", b"aw,ax,ay,az"))], {})
-    np.testing.assert_allclose(by_angles.euler, sdlog2.read([file(short)], {}).euler, atol=1e-6)
+    by_angles = sdlog2.read([path_of(short.replace(b"qw,qx,qy,qz", b"aw,ax,ay,az"))], {})
+    np.testing.assert_allclose(by_angles.euler, sdlog2.read([path_of(short)], {}).euler, atol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [(b"GPOS", b"GPOS", "Fix 1 at most"), (b"TIME", b"TIMX", "no message TIME"), (b"IMU", b"XXX", "an IMU")],
 )
-def test_refusals_name_the_cause(written, file, old, new, words):
+def test_refusals_name_the_cause(written, path_of, old, new, words):
     data = bytearray(renamed(written[:200_000], old, new))
     if old == new:
         at = 0
@@ -110,20 +98,20 @@ def test_refusals_name_the_cause(written, file, old, new, words):
             data[at + 11] = 1
             at += 55
     with pytest.raises(MissionError, match=words):
-        sdlog2.read_log(file(bytes(data)))
+        sdlog2.read_log(path_of(bytes(data)))
 
 
-def test_a_clock_message_without_its_time_is_no_clock(written, file):
+def test_a_clock_message_without_its_time_is_no_clock(written, path_of):
     data = written[:100_000].replace(b"StartTime", b"StartTimX", 1)
     data = data.replace(b"TALT" + bytes(5), b"StartTime", 1)
     with pytest.raises(MissionError, match="no message TIME"):
-        sdlog2.read([file(data)], {})
+        sdlog2.read([path_of(data)], {})
     with pytest.raises(MissionError, match="no message TIME"):
-        sdlog2.read_log(file(data))
+        sdlog2.read_log(path_of(data))
 
 
-def test_a_log_of_ardupilot_is_none_of_px4(file):
+def test_a_log_of_ardupilot_is_none_of_px4(path_of):
     head = dataflash.descriptions()
     assert not sdlog2.recognises(head)
     with pytest.raises(MissionError, match="is no PX4 sdlog2"):
-        sdlog2.read([file(head)], {})
+        sdlog2.read([path_of(head)], {})

@@ -11,9 +11,10 @@ from writers import tcx as writer
 from writers.resampled import resampled
 
 from lab.data.files import tcx
-from lab.data.formats import reader_of
 from lab.missions import MissionError, mission
 from lab.motion.frames import ecef
+
+READER = tcx
 
 
 def points(count: int, first: int = 0, lat: float = 45.0) -> str:
@@ -37,19 +38,6 @@ def document(*activities: str, before: str = "") -> str:
         f'xmlns="{writer.SPACE}/TrainingCenterDatabase/v2">\n'
         f"<Activities>{''.join(activities)}</Activities></TrainingCenterDatabase>"
     )
-
-
-@pytest.fixture
-def file(tmp_path):
-    """Return a function that writes text and reads it as TCX."""
-
-    def read(text: str | bytes, units=None):
-        path = tmp_path / "track.dat"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        assert reader_of(path).name == tcx.NAME
-        return tcx.read([path], units or {})
-
-    return read
 
 
 def test_another_parser_reads_the_same(file):

@@ -25,18 +25,6 @@ def written() -> bytes:
     return writer.write(mission("montreal").recording)
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Return a function that writes bytes into a file of any name, and returns its path."""
-
-    def path_of(data: bytes):
-        path = tmp_path / "log.dat"
-        path.write_bytes(data)
-        return path
-
-    return path_of
-
-
 def angle_between(first: np.ndarray, second: np.ndarray) -> float:
     """Return the largest angle between attitudes given as Euler angles and as quaternions [rad]."""
     a = Rotation.from_euler("ZYX", first[:, ::-1])
@@ -61,8 +49,8 @@ def test_the_decoder_of_px4_reads_the_same_numbers(written):
     assert (ours.dropouts, ours.dropped_seconds, ours.lost_bytes) == (1, 0.03, 0)
 
 
-def test_the_flight_is_the_one_that_was_logged(written, file):
-    path = file(written)
+def test_the_flight_is_the_one_that_was_logged(written, path_of):
+    path = path_of(written)
     assert reader_of(path).name == ulog.NAME
     flight = ulog.read([path], {})
     time = flight.time - writer.BOOT * 1e-6
@@ -80,8 +68,8 @@ def test_the_flight_is_the_one_that_was_logged(written, file):
     assert flight.rows_read == 10252
 
 
-def test_the_sensors_are_those_that_were_logged(written, file):
-    log = ulog.read_log(file(written))
+def test_the_sensors_are_those_that_were_logged(written, path_of):
+    log = ulog.read_log(path_of(written))
     seen = autopilot.sensed(mission("montreal").recording)
     turn, force = log.rates
     np.testing.assert_allclose(np.concatenate((turn, force), axis=1), seen.rates[1:], atol=2e-5)
@@ -101,8 +89,8 @@ def test_the_sensors_are_those_that_were_logged(written, file):
         (b"vehicle_attitude", b"vehicle_altitude", None),
     ],
 )
-def test_what_a_log_lacks_other_topics_stand_in_for(written, file, old, new, names):
-    flight = ulog.read([file(written.replace(old, new[: len(old)]))], {})
+def test_what_a_log_lacks_other_topics_stand_in_for(written, path_of, old, new, names):
+    flight = ulog.read([path_of(written.replace(old, new[: len(old)]))], {})
     truth = autopilot.trajectory(mission("montreal").recording)
     if names is None:
         assert flight.euler is None
@@ -128,19 +116,19 @@ def test_a_local_position_is_on_the_map_of_px4():
     np.testing.assert_allclose(stream.values[0], (lat, lon, 120.0), rtol=0, atol=1e-9)
 
 
-def test_what_is_lost_is_said_of_the_sensors_too(written, file):
-    assert any("could not keep up once" in one for one in ulog.read_log(file(written)).repairs)
+def test_what_is_lost_is_said_of_the_sensors_too(written, path_of):
+    assert any("could not keep up once" in one for one in ulog.read_log(path_of(written)).repairs)
     half = len(written) // 2
-    log = ulog.read_log(file(written[:half] + bytes(1000) + written[half + 1000 :]))
+    log = ulog.read_log(path_of(written[:half] + bytes(1000) + written[half + 1000 :]))
     assert any("could not be decoded" in remark for remark in log.repairs)
 
 
-def test_broken_bytes_are_left_out_and_said(written, file):
+def test_broken_bytes_are_left_out_and_said(written, path_of):
     broken = bytearray(written)
     rng = np.random.default_rng(2)
     for start in (700_000, 1_500_000, 2_200_000):
         broken[start : start + 300] = rng.integers(0, 256, 300, dtype=np.uint8).tobytes()
-    flight = ulog.read([file(bytes(broken[:2_800_000]))], {})
+    flight = ulog.read([path_of(bytes(broken[:2_800_000]))], {})
     assert 0.75 * 10252 < len(flight.time) < 10252
     assert any("could not be decoded" in remark for remark in flight.remarks)
     truth = autopilot.trajectory(mission("montreal").recording).at(flight.time - writer.BOOT * 1e-6)
@@ -149,14 +137,14 @@ def test_broken_bytes_are_left_out_and_said(written, file):
     assert np.abs(ecef.displacement(truth.position, position)).max() < 2
 
 
-def test_gaps_of_one_topic_are_not_bridged(file):
+def test_gaps_of_one_topic_are_not_bridged(path_of):
     data = writer.write(mission("montreal").recording)
     log = ULogFile.of(data, ("vehicle_local_position",))
     topic = next(one for one in log._topics if one.name == "vehicle_local_position")
     silent = bytearray(data)
     for place in list(topic.places)[600:640]:  # four seconds
         silent[place - 3] = ord("L")  # the message becomes one of text
-    flight = ulog.read([file(bytes(silent))], {})
+    flight = ulog.read([path_of(bytes(silent))], {})
     lost = [drop for drop in flight.dropped if "local velocity was not logged" in drop.reason]
     assert 195 <= lost[0].count - 1 <= 205
     assert np.diff(flight.time).max() == pytest.approx(4.0, abs=0.2)
@@ -187,11 +175,11 @@ HEADER = b"ULog\x01\x12\x35\x01" + bytes(8)
         (HEADER + b"\x00" * 300_000, "no velocity"),
     ],
 )
-def test_what_gives_no_flight_is_refused(file, data, words):
+def test_what_gives_no_flight_is_refused(path_of, data, words):
     with pytest.raises(MissionError, match=words):
-        ulog.read([file(data)], {})
+        ulog.read([path_of(data)], {})
     with pytest.raises(MissionError):
-        ulog.read_log(file(data))
+        ulog.read_log(path_of(data))
 
 
 def test_formats_that_grow_without_bound_are_refused_in_no_time():
@@ -267,7 +255,7 @@ def test_an_imu_that_is_logged_as_integrals_gives_rates():
     assert len(ulog._imu(both).time) == 38
 
 
-def test_a_log_without_a_fix_is_refused(written, file):
+def test_a_log_without_a_fix_is_refused(written, path_of):
     log = ULogFile.of(written, ("vehicle_gps_position",))
     topic = next(one for one in log._topics if one.name == "vehicle_gps_position")
     nowhere = bytearray(written)
@@ -277,4 +265,4 @@ def test_a_log_without_a_fix_is_refused(written, file):
         MissionError,
         match=r"GPS \(no rows\) have less than 5 s in common.*None of the \d+ GPS messages has a fix",
     ):
-        ulog.read_log(file(bytes(nowhere)))
+        ulog.read_log(path_of(bytes(nowhere)))

@@ -28,18 +28,6 @@ def written() -> bytes:
     return writer.write(mission("montreal").recording)
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Return a function that writes bytes into a file of any name, and returns its path."""
-
-    def path_of(data: bytes):
-        path = tmp_path / "log.dat"
-        path.write_bytes(data)
-        return path
-
-    return path_of
-
-
 def place(fix: np.ndarray) -> np.ndarray:
     """Return latitude, longitude and height of fixes."""
     return np.column_stack([fix[name] for name in ("latitude", "longitude", "height")])
@@ -68,8 +56,8 @@ def fixes(station: writer.Station, seconds: int = 10, kind: int = 3, stamp: floa
         station.add(t, "GPS_RAW_INT", clock, kind, *numbers, alt_ellipsoid=place[2] + 40_000)
 
 
-def test_an_independent_reader_finds_the_same_numbers(written, file):
-    path = file(written)
+def test_an_independent_reader_finds_the_same_numbers(written, path_of):
+    path = path_of(written)
     flight = mavlink.read([path], {})
     link = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
     theirs = []
@@ -80,8 +68,8 @@ def test_an_independent_reader_finds_the_same_numbers(written, file):
     np.testing.assert_array_equal(flight.velocity_n, theirs[:, 1:])
 
 
-def test_the_flight_is_the_one_that_was_sent(written, file):
-    path = file(written)
+def test_the_flight_is_the_one_that_was_sent(written, path_of):
+    path = path_of(written)
     assert reader_of(path).name == mavlink.NAME
     flight = mavlink.read([path], {})
     time = flight.time - writer.BOOT * 1e-3
@@ -112,9 +100,9 @@ def test_the_flight_is_the_one_that_was_sent(written, file):
         ("HIGHRES_IMU", 1e-6, 1e-5),
     ],
 )
-def test_the_sensors_are_those_that_were_sent(file, imu, turn, force):
+def test_the_sensors_are_those_that_were_sent(path_of, imu, turn, force):
     recording = mission("montreal").recording
-    log = mavlink.read_log(file(writer.write(recording, imu)))
+    log = mavlink.read_log(path_of(writer.write(recording, imu)))
     seen = autopilot.sensed(recording, writer.IMU_RATE)
     turns, forces = log.rates
     stamps = log.time[1:] + log.epoch - writer.BOOT * 1e-3
@@ -139,7 +127,7 @@ def test_the_sensors_are_those_that_were_sent(file, imu, turn, force):
     assert np.abs(ecef.displacement(log.gnss.position, place(found.fix))).max() < 1e-6
 
 
-def test_headings_and_wheels_are_those_of_a_stream(file):
+def test_headings_and_wheels_are_those_of_a_stream(path_of):
     station = vehicle()
     for k, t in enumerate(np.arange(0, 30, 0.05).tolist()):
         stamp = round(1e6 * (5 + t))
@@ -149,7 +137,7 @@ def test_headings_and_wheels_are_those_of_a_stream(file):
             place = (450_000_000, round(1e7 * (-73 + t * 1.27e-4)), 100_000, 70, 110, 1000, 9000, 12)
             station.add(t, "GPS_RAW_INT", stamp, 3, *place, yaw=(k * 50) % 36_000, hdg_acc=(k % 8) * 10_000)
     data = writer.log(station)
-    log, found = mavlink.read_log(file(data)), decoded(decoder_of("mavlink"), data)
+    log, found = mavlink.read_log(path_of(data)), decoded(decoder_of("mavlink"), data)
     headings, odometer = log.auxiliary.headings, log.auxiliary.odometer
     rows = found.reading[np.isfinite(found.reading["heading"])]
     np.testing.assert_allclose(headings.time + log.epoch, rows["time"])
@@ -161,8 +149,8 @@ def test_headings_and_wheels_are_those_of_a_stream(file):
     np.testing.assert_allclose(rows["speed"], 4.1)
 
 
-def test_signs_and_units_of_whole_numbers(file):
-    flight = mavlink.read([file(writer.log(vehicle()))], {})
+def test_signs_and_units_of_whole_numbers(path_of):
+    flight = mavlink.read([path_of(writer.log(vehicle()))], {})
     np.testing.assert_allclose(flight.velocity_n, np.tile([10.0, 0.0, -2.0], (len(flight.time), 1)))
     np.testing.assert_allclose(np.degrees(flight.euler[:, 2]), 90.0)
     np.testing.assert_allclose(np.degrees(flight.longitude), -73.0)
@@ -172,18 +160,18 @@ def test_signs_and_units_of_whole_numbers(file):
 
 
 @pytest.mark.parametrize(("kind", "follows"), [(1, True), (2, False), (20, False)])
-def test_what_hovers_does_not_follow_its_nose(file, kind, follows):
+def test_what_hovers_does_not_follow_its_nose(path_of, kind, follows):
     """MAV_TYPE 20 takes off like a copter and flies like an aeroplane."""
-    flight = mavlink.read([file(writer.log(vehicle(kind=kind)))], {})
+    flight = mavlink.read([path_of(writer.log(vehicle(kind=kind)))], {})
     assert vehicle_of(flight.vehicle).follows_nose is follows
 
 
-def test_without_a_solution_the_track_of_the_receiver_is_taken(file):
+def test_without_a_solution_the_track_of_the_receiver_is_taken(path_of):
     station = writer.Station()
     fixes(station, 4, kind=1)
     fixes(station, 1, stamp=-10.0)  # stamped zero, as nothing is known yet
     fixes(station, 30, stamp=9.0)
-    flight = mavlink.read([file(writer.log(station))], {})
+    flight = mavlink.read([path_of(writer.log(station))], {})
     np.testing.assert_allclose(
         flight.velocity_n[:, :2], np.tile([0.0, 10.0], (len(flight.time), 1)), atol=1e-9
     )
@@ -199,20 +187,20 @@ def test_without_a_solution_the_track_of_the_receiver_is_taken(file):
     assert flight.euler is None
 
 
-def test_a_receiver_stamped_by_the_calendar_is_brought_to_the_clock_of_the_autopilot(file):
+def test_a_receiver_stamped_by_the_calendar_is_brought_to_the_clock_of_the_autopilot(path_of):
     station = writer.Station()
     for t in range(10):
         station.add(t, "SYSTEM_TIME", round(1e6 * (UNIX + t)), 5000 + 1000 * t)
     fixes(station, 10, stamp=UNIX)
-    flight = mavlink.read([file(writer.log(station))], {})
+    flight = mavlink.read([path_of(writer.log(station))], {})
     np.testing.assert_allclose(flight.time[[0, -1]], [5.0, 14.8], atol=1e-6)
 
 
-def test_of_several_vehicles_and_starts_the_one_with_most_positions_is_taken(file):
+def test_of_several_vehicles_and_starts_the_one_with_most_positions_is_taken(path_of):
     station = vehicle(seconds=5, boot=900_000)
     station.frames += [(t + 20.0, frame) for t, frame in vehicle(seconds=20, boot=5000, lat=-33.0).frames]
     other = vehicle(7, 6, lat=10.0)
-    flight = mavlink.read([file(writer.log(station, other))], {})
+    flight = mavlink.read([path_of(writer.log(station, other))], {})
     assert len(flight.time) == 100
     assert np.degrees(flight.latitude).max() < -32.9
     assert flight.time[0] == 5.0
@@ -220,20 +208,20 @@ def test_of_several_vehicles_and_starts_the_one_with_most_positions_is_taken(fil
     assert [(one.count, "another start" in one.reason) for one in flight.dropped] == [(51 + 61 + 1, True)]
 
 
-def test_a_ground_station_is_no_vehicle(file):
+def test_a_ground_station_is_no_vehicle(path_of):
     station = writer.Station(255, 190)
     for t in range(20):
         station.add(t, "HEARTBEAT", 6, 8, 192, 0, 4, v1=True)
     with pytest.raises(MissionError, match="no message of a vehicle"):
-        mavlink.read([file(writer.log(station))], {})
+        mavlink.read([path_of(writer.log(station))], {})
 
 
-def test_broken_bytes_are_left_out_and_said(written, file):
+def test_broken_bytes_are_left_out_and_said(written, path_of):
     broken = bytearray(written)
     rng = np.random.default_rng(2)
     for start in (200_000, 400_000, 600_000):
         broken[start : start + 300] = rng.integers(0, 256, 300, dtype=np.uint8).tobytes()
-    flight = mavlink.read([file(bytes(broken[:800_000]))], {})
+    flight = mavlink.read([path_of(bytes(broken[:800_000]))], {})
     assert any("bytes of the file belong to no sound message" in remark for remark in flight.remarks)
     truth = autopilot.trajectory(mission("montreal").recording).at(flight.time - writer.BOOT * 1e-3)
     assert np.abs(flight.velocity_n - truth.velocity_n).max() < 0.2
@@ -242,25 +230,25 @@ def test_broken_bytes_are_left_out_and_said(written, file):
     at = written.index(b"\x21\0\0", 100_000)  # 33, GLOBAL_POSITION_INT
     damaged[at + 10] ^= 1
     # The payload ends in 65,535 and has 28 bytes, in a frame of 40 after a stamp of 8.
-    assert "48 bytes of the file" in " ".join(mavlink.read([file(bytes(damaged))], {}).remarks)
+    assert "48 bytes of the file" in " ".join(mavlink.read([path_of(bytes(damaged))], {}).remarks)
 
 
-def test_a_vehicle_without_a_fix_is_refused_with_the_cause(file):
+def test_a_vehicle_without_a_fix_is_refused_with_the_cause(path_of):
     station = writer.Station()
     fixes(station, kind=1)
     for t in range(20):
         station.add(t, "GLOBAL_POSITION_INT", 1000 * t, 0, 0, 0, 0, 0, 0, 0, 0)
     with pytest.raises(MissionError, match=r"none of the 50 messages GPS_RAW_INT .*fix_type 1 at most"):
-        mavlink.read([file(writer.log(station))], {})
+        mavlink.read([path_of(writer.log(station))], {})
     only = writer.Station()
     only.add(0.0, "ATTITUDE", 5000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(MissionError, match=r"no GPS_RAW_INT was sent.*1 ATTITUDE"):
-        mavlink.read([file(writer.log(only))], {})
+        mavlink.read([path_of(writer.log(only))], {})
     with pytest.raises(MissionError, match="did not send a GPS"):
-        mavlink.read_log(file(writer.log(only)))
+        mavlink.read_log(path_of(writer.log(only)))
 
 
-def test_an_imu_sent_too_seldom_or_in_counts_is_refused(file):
+def test_an_imu_sent_too_seldom_or_in_counts_is_refused(path_of):
     station = writer.Station()
     fixes(station, 30)
     counts = writer.Station()
@@ -270,9 +258,9 @@ def test_an_imu_sent_too_seldom_or_in_counts_is_refused(file):
         station.add(t, "RAW_IMU", stamp, 10, 20, -1000 + round(t), 1, 2, 3, 0, 0, 0)
         counts.add(t, "RAW_IMU", stamp, 300, 500, -16_384, 30, -50, 7, 0, 0, 0)
     with pytest.raises(MissionError, match=r"IMU was sent 2 times a second.*at least 10"):
-        mavlink.read_log(file(writer.log(station)))
+        mavlink.read_log(path_of(writer.log(station)))
     with pytest.raises(MissionError, match=r"did not send an IMU .*that can be used"):
-        mavlink.read_log(file(writer.log(counts)))
+        mavlink.read_log(path_of(writer.log(counts)))
 
 
 def test_a_real_log_of_a_submarine_at_the_surface_says_why_it_is_no_flight():
