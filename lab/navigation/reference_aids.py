@@ -173,7 +173,7 @@ def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> Floa
     down[ACCEL_BIAS] = C_nb[2]
     before = _variance_alone(P, D[0, ATT], C_nb[2])
     least = min(STANDARD_GRAVITY**2 / 4 * (np.trace(Sigma) ** 2 + 2 * np.trace(Sigma @ Sigma)), MOST)
-    return np.outer(down, down) * max(least - before, 0.0)
+    return np.outer(down, down) * float(max(least - before, 0.0))
 
 
 def _variance_alone(P: FloatArray, own: FloatArray, down: FloatArray) -> float:
