@@ -136,7 +136,7 @@ def test_rows_follow_the_settings_and_old_ones_are_marked_until_then(walk: Walk)
     assert OLD not in walk.text()
     walk.page.session.experiment = made()  # whose run is refused, so the shown result is that of before
     with set_curdoc(walk._document):
-        walk.page._show_again(page(walk))
+        walk.page.pages._draw_again(page(walk))
     walk.settle()
     assert page(walk)._table.styles == compare.PALE
     assert OLD in walk.text()

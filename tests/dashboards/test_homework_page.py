@@ -197,7 +197,7 @@ def test_the_comparison_shows_and_changes_nothing_that_a_homework_hides(walk: Wa
     assert [secret for secret in secrets if secret in written] == []
     shown._sweep.plan = Plan({"navigator.q_scale": (0.1, 1.0)}, 1)  # as chosen before the homework was opened
     with set_curdoc(walk._document):
-        walk.page._show_again(shown)
+        walk.page.pages._draw_again(shown)
     walk.settle()
     assert walk.figures() == []
 
