@@ -93,9 +93,10 @@ def test_what_compare_computes_goes_on_after_a_cut(chromium: Browser, address: s
     page.context.close()
 
 
-def test_a_page_of_a_refused_name_says_why_it_is_empty(chromium: Browser, address: str) -> None:
+def test_a_page_whose_connection_is_refused_says_why_it_is_empty(chromium: Browser, address: str) -> None:
     page = new_context(chromium).new_page()
-    page.goto(address.replace("localhost", "another-name.localhost"))
+    page.route_web_socket(re.compile("/ws"), lambda route: route.close(code=1008))
+    page.goto(address)
     alert = page.get_by_role("alert").filter(has_text="--origin")
     expect(alert).to_contain_text("cannot connect to its server")
     expect(alert).to_contain_text(f"--origin {page.evaluate('location.host')}")
