@@ -121,7 +121,7 @@ def of_page(mission: str, **settings: object) -> None:
         patch.setattr("walking.PATIENCE", PATIENCE)
         with set_curdoc(walk._document):
             walk.page.session._open()
-            walk.page._show()
+            walk.page.pages.draw()
         for path, value in settings.items():
             walk.page.session.experiment.set(path.replace("__", "."), value)
         with step("flight chosen"):
