@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.toml_file import read_toml
 from lab.data.files.profile import profile_of
-from lab.data.files.unit_names import UNITS, unit_of
+from lab.data.files.unit_names import unit_of
 from lab.data.protocols import text_cells
 from lab.data.protocols.column_map import (
     CLOCK,
@@ -37,6 +36,7 @@ from lab.data.protocols.column_map import (
     ColumnMapError,
 )
 from lab.data.protocols.labelled_lines import AXES, PERIODS, labelled_samples
+from lab.data.protocols.line_shape import cells_of, header_of, prefix_of, says_little, shape_of
 from lab.data.protocols.line_sources import are_devices, is_source, taking_turns
 from lab.data.protocols.number_guess import (
     FINE,
@@ -48,11 +48,9 @@ from lab.data.protocols.number_guess import (
     unit_of_steps,
     with_units,
 )
-from lab.data.protocols.text_cells import IS_CELL, IS_CLOCK, IS_NUMBER, IS_STAMP, IS_VALUE, cells_in, value_of
+from lab.data.protocols.text_cells import IS_CELL, cells_in
 from lab.data.sheets.column_names import given_heading, heading_of
 
-_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
-_PREFIX = re.compile(r"[^\d+\-.,;\s]{1,16}[=:]?")
 _STREAMED = (
     ("count", "", re.compile(r"count|counter|sample|n|index")),
     ("temperature", "", re.compile(r"temp|temperature|t imu")),
@@ -121,11 +119,11 @@ def _of_separated(lines: Sequence[str], said: Mapping[str, str], whole: bool) ->
     """Return the map of lines of cells with separators."""
     # A network may deliver each line twice.
     lines = [line for line, before in zip(lines, ("", *lines), strict=False) if line != before]
-    shape = _shape(lines)
+    shape = shape_of(lines)
     if shape is None:
         return None
     count = shape.rows.shape[1]
-    headings = _header(lines, shape.separator, count) or [""] * count
+    headings = header_of(lines, shape.separator, count) or [""] * count
     remarks: list[str] = []
     columns = _profiled(headings, remarks) or named(headings, remarks)
     columns = _as_said(columns, headings, said)
@@ -352,113 +350,12 @@ def cells_to_name(lines: Sequence[str]) -> tuple[str, ...]:
     best: list[str] = []
     for line in reversed(lines):
         for separator in SEPARATORS.values():
-            cells = cells_of(line[len(_prefix_of(line, separator)) :], separator)
-            if all(_says_little(cell, separator) for cell in cells) and len(cells) > max(len(best), AXES - 1):
+            cells = cells_of(line[len(prefix_of(line, separator)) :], separator)
+            if all(says_little(cell, separator) for cell in cells) and len(cells) > max(len(best), AXES - 1):
                 best = cells
         if not best and len(cells_in(line).kinds) >= AXES:
             best = [cell[0] for cell in IS_CELL.finditer(line) if cell.lastgroup != "name"]
     return tuple(best[:MAX_COLUMNS])
-
-
-def cells_of(line: str, separator: str) -> list[str]:
-    """Return the cells of a line; one after the last separator that is empty is left out."""
-    cells = line.split() if separator == " " else [cell.strip() for cell in line.split(separator)]
-    return cells[:-1] if cells and not cells[-1] else cells
-
-
-class _Shape(NamedTuple):
-    """How most lines are written, and the numbers in them; NaN where a cell has none."""
-
-    separator: str
-    prefix: str
-    comma: bool
-    rows: FloatArray
-    clocks: tuple[bool, ...]  # which columns are times of day
-    cells: list[list[str]]
-    others: tuple[str, ...]  # what as many lines with as many cells begin with
-
-
-def _shape(lines: Sequence[str]) -> _Shape | None:
-    best: _Shape | None = None
-    best_score = (False, 0)
-    for separator in SEPARATORS.values():
-        headed = {len(cells) for line in lines if (cells := headings_in(line, separator))}
-        for comma in (False, True) if separator != "," else (False,):
-            kinds: dict[tuple[str, str, int], list[list[str]]] = {}
-            for line in lines:
-                prefix = _prefix_of(line, separator)
-                cells = cells_of(line[len(prefix) :], separator)
-                if comma:
-                    cells = [_DECIMAL_COMMA.sub(".", cell) for cell in cells]
-                if not AXES <= len(cells) <= MAX_COLUMNS:
-                    continue
-                if sum(1 for cell in cells if IS_NUMBER.fullmatch(cell)) < AXES:
-                    continue
-                if len(cells) in headed or all(_says_little(cell, separator) for cell in cells):
-                    word = "" if IS_VALUE.fullmatch(cells[0]) or IS_STAMP.fullmatch(cells[0]) else cells[0]
-                    key = prefix, word if len(cells) not in headed else "", len(cells)
-                    kinds.setdefault(key, []).append(cells)
-            several = len({word for _, word, _ in kinds}) > 1
-            for (before, word, _), found in kinds.items():
-                if set(before + word) & set("{}"):
-                    continue  # a column map has columns in braces
-                # Of lines of several kinds, the first cell is what those of one begin with.
-                is_kind = several and word and len(found[0]) > AXES
-                prefix, kept = (
-                    (f"{word}{separator}", [row[1:] for row in found]) if is_kind else (before, found)
-                )
-                count = len(kept[0])
-                clocks = tuple(all(IS_CLOCK.fullmatch(row[at]) for row in kept) for at in range(count))
-                score = count in headed, len(kept) * count
-                if best is None or score > best_score:
-                    values = np.array([[value_of(cell) for cell in row] for row in kept])
-                    others = [
-                        before + word
-                        for (before, word, size), rows in kinds.items()
-                        if rows is not found and size == len(found[0]) and 2 * len(rows) > len(found)
-                    ]
-                    best = _Shape(separator, prefix, comma, values, clocks, kept, tuple(others))
-                    best_score = score
-    return best
-
-
-def _prefix_of(line: str, separator: str) -> str:
-    """Return what stands before the first number; a first cell that is a text is no such prefix."""
-    found = _PREFIX.match(line)
-    if found is None or IS_VALUE.fullmatch(found[0]):
-        return ""
-    after = line[found.end() : found.end() + 1]
-    return "" if after == separator != " " or line[found.end() :].lstrip()[:1] in tuple(",;") else found[0]
-
-
-def _says_little(cell: str, separator: str) -> bool:
-    """Return whether a cell is a number, none, a time, or a word without a number in it."""
-    if IS_VALUE.fullmatch(cell) or IS_STAMP.fullmatch(cell):
-        return True
-    return separator != " " and not cells_in(cell).kinds
-
-
-def headings_in(line: str, separator: str) -> list[str]:
-    """Return the headings in a line; none if a cell is empty or a number."""
-    cells = [
-        cell.strip(" \"'\ufeff") for cell in line.lstrip("#% ").split(separator if separator != " " else None)
-    ]
-    cells = cells[:-1] if cells and not cells[-1] else cells
-    whole = len(cells) >= AXES and all(
-        cell and not IS_NUMBER.fullmatch(cell.replace(",", ".")) for cell in cells
-    )
-    return cells if whole and not any(IS_STAMP.fullmatch(cell) for cell in cells) else []
-
-
-def _header(lines: Sequence[str], separator: str, count: int) -> list[str] | None:
-    """Return the headings of the last line with the right number of cells, of which none is a number.
-
-    Where that holds units alone, those of the line before, each with its unit.
-    """
-    found = [cells for line in lines if len(cells := headings_in(line, separator)) == count][-2:]
-    if len(found) == 2 and all(any(unit_of(kind, cell) for kind in UNITS) for cell in found[1]):
-        return [f"{heading} [{unit}]" for heading, unit in zip(*found, strict=True)]
-    return found[-1] if found else None
 
 
 def named(headings: Sequence[str], remarks: list[str], others: Sequence[str] = ()) -> list[Column]:

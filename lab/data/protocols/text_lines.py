@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.data.protocols import text_cells
-from lab.data.protocols.column_guess import guess_columns, headings_in, named
+from lab.data.protocols.column_guess import guess_columns, named
 from lab.data.protocols.column_map import (
     CLOCK,
     IGNORED,
@@ -36,6 +36,7 @@ from lab.data.protocols.column_map import (
 from lab.data.protocols.decoder import Statistics
 from lab.data.protocols.framing import xor8
 from lab.data.protocols.limits import TEXT_LIMITS
+from lab.data.protocols.line_shape import headings_in
 from lab.data.protocols.number_guess import MIN_LINES
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_2D, FIX_3D, NAN, UNKNOWN, Samples, Vector
