@@ -112,7 +112,10 @@ def patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
     columns
         The columns.
     """
-    between = rf"\s*{re.escape(columns.separator)}\s*" if columns.separator != " " else r"\s+"
+    separator = re.escape(columns.separator)
+    # A tab that separates cells is no blank beside one: empty cells would be parted in any number of ways.
+    blanks = rf"[^\S{separator}]*"
+    between = rf"{blanks}{separator}{blanks}" if columns.separator != " " else r"\s+"
     number = NUMBER.replace(r"\.", ",") if columns.decimal_comma else NUMBER
     other = r"\S+" if columns.separator == " " else r"[^;\t]*?" if columns.decimal_comma else r"[^,;\t]*?"
     # Lines with words have no empty cells, and dashes between them.
@@ -132,7 +135,7 @@ def patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
         else:
             cells.append(f"((?:{number}|{NO_VALUE}|{dash}){none})")
     if not columns.texts:
-        end = r"\s*" if columns.separator == " " else rf"\s*(?:{re.escape(columns.separator)}\s*)?"
+        end = r"\s*" if columns.separator == " " else rf"{blanks}(?:{separator}{blanks})?"
         return [re.compile(rf"{re.escape(columns.prefix)}\s*{between.join(cells)}{end}")]
     left = iter(cells)
     return [

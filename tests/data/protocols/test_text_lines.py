@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import time
 
 import numpy as np
 import pytest
@@ -242,6 +243,17 @@ def test_jumps_of_a_line_are_refused_and_those_that_stay_are_motion():
     assert np.round(imu["time"] * 100).tolist() == [
         number for number in range(20) if number not in (5, 8, 11, 15)
     ]
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_lines_with_many_empty_cells_take_as_long_as_others(broken: bool):
+    """Blanks beside a tab are no other tabs: the empty cells of a line are parted in one way."""
+    columns = ColumnMap.of("time[ms]," + "-," * 12 + "force_x[g],force_y[g],force_z[g];tab")
+    row = "\t" * 13 + "0.01\t0.02\t-1" + "\tx" * broken
+    begin = time.process_time()
+    imu = decoded(TextLines(columns), stream(*(f"{number}0{row}" for number in range(300)))).imu
+    assert time.process_time() - begin < 1.0
+    assert len(imu) == (0 if broken else 300)
 
 
 def test_one_damaged_time_that_passes_costs_no_other_line():
