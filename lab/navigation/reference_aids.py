@@ -11,7 +11,6 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 import importlib
-import math
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -171,27 +170,9 @@ def vertical_bias_noise(state: FloatArray, P: FloatArray, D: FloatArray) -> Floa
     C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
     down = np.zeros(P.shape[0])
     down[ACCEL_BIAS] = C_nb[2]
-    before = _variance_alone(P, D[0, ATT], C_nb[2])
+    before = down @ P @ down
     least = min(STANDARD_GRAVITY**2 / 4 * (np.trace(Sigma) ** 2 + 2 * np.trace(Sigma @ Sigma)), MOST)
-    return np.outer(down, down) * float(max(least - before, 0.0))
-
-
-def _variance_alone(P: FloatArray, own: FloatArray, down: FloatArray) -> float:
-    """Return the variance of the vertical accelerometer bias beside known height, speed and level biases.
-
-    If a level bias has no variance, it is that beside known height and vertical velocity; it is infinite for
-    a bias that is known itself.
-    """
-    seen = np.zeros((2, P.shape[0]))
-    seen[0, POS], seen[1, VEL] = own, own
-    known, across = seen @ P @ seen.T, seen @ P[:, ACCEL_BIAS]
-    if np.linalg.det(known) <= 0:
-        return math.inf
-    left = P[ACCEL_BIAS, ACCEL_BIAS] - across.T @ np.linalg.solve(known, across)
-    if np.linalg.det(left) > 0:
-        return float(1 / (down @ np.linalg.solve(left, down)))
-    variance = float(down @ left @ down)
-    return variance if variance > 0 else math.inf
+    return np.outer(down, down) * (max(least - before, 0.0) if before > 0 else 0.0)
 
 
 def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:

@@ -8,12 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from lab.analysis.verdicts.run_means import NEES, Figure
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.motion.recordings.recording import Recording
 from lab.navigation.filters.vertical_bias import raise_vertical_bias
-from lab.sensors.cards import card
 
 SEEDS = range(1001, 1013)
 
@@ -53,10 +51,7 @@ def test_the_bound_is_the_second_moment_of_the_neglected_specific_force() -> Non
     raise_vertical_bias(P, tuple(own), tuple(down))
     turns = Rotation.from_rotvec(rng.multivariate_normal(np.zeros(3), before[6:9, 6:9], 200_000))
     neglected = STANDARD_GRAVITY * (1 - np.cos(np.arccos(np.clip(turns.apply(down) @ down, -1, 1))))
-    seen = np.zeros((5, 15))  # height, vertical velocity and the accelerometer biases
-    seen[0, :3], seen[1, 3:6], seen[2:, 12:] = own, own, np.eye(3)
-    information = np.linalg.inv(seen @ P @ seen.T)[2:, 2:]
-    assert 1 / (down @ information @ down) == pytest.approx(np.mean(neglected**2), rel=0.02)
+    assert down @ P[12:15, 12:15] @ down == pytest.approx(np.mean(neglected**2), rel=0.02)
     added = np.zeros((15, 15))
     added[12:15, 12:15] = np.outer(down, down)
     np.testing.assert_allclose(P - before, added * (P - before)[12:15, 12:15].trace(), atol=1e-20)
@@ -67,41 +62,3 @@ def test_a_bias_that_is_known_worse_than_that_keeps_its_variance() -> None:
     before = P.copy()
     raise_vertical_bias(P, (0.0, 0.0, 1.0), (0.0, 0.0, 1.0))
     np.testing.assert_array_equal(P, before)
-
-
-def test_beside_a_level_bias_that_is_known_a_vertical_one_is_bounded_and_a_known_one_stays() -> None:
-    down = (0.0, 0.0, 1.0)
-    P = np.diag(np.repeat((1.0, 0.1, 1e-2, 1e-5, 1e-8), 3) ** 2)
-    P[12, 12] = 0.0
-    raise_vertical_bias(P, down, down)
-    assert P[14, 14] == pytest.approx(2 * (STANDARD_GRAVITY * 1e-4) ** 2, rel=1e-12)
-    assert P[12, 12] == 0
-    P[14, 14] = 0.0
-    raise_vertical_bias(P, down, down)
-    assert P[14, 14] == 0
-
-
-@pytest.mark.parametrize("model", ["phi", "invariant"])
-def test_a_level_bias_of_a_vehicle_with_a_pitch_does_not_hide_the_vertical_one(model: str) -> None:
-    """An ADIS16448 (20 mg) whose tilts are uncertain by 2° before an alignment; NEES was 3.6 and 2.7."""
-    experiment = Experiment(mission="los_angeles")
-    card("ADIS16448").load(experiment)
-    experiment.update(
-        {
-            "trajectory": {"imu_rate": 50},
-            "sensors": {
-                "gyro": {"scale_factor_sigma": 0, "misalignment": 0, "g_sensitivity": 0},
-                "accelerometer": {"scale_factor_sigma": 0, "misalignment": 0},
-            },
-            "navigator": {
-                "states": 15,
-                "estimate_misalignments": False,
-                "estimate_g_sensitivity": False,
-                "attitude_sigma": (2, 2, 10),
-                "model": model,
-            },
-        }
-    )
-    mean = float(run_ensemble(experiment, range(24)).mean_nees.mean()) / 15
-    print(f"\n{model}: NEES {mean:.2f} of 1")
-    assert mean < 1.5
