@@ -15,9 +15,9 @@ pytestmark = pytest.mark.browser
 
 TITLES = (
     "Array.from(Bokeh.index.query((view) => view.model.title?.text))"
-    f".map((view) => view.model.title.text.split('{THIN}·')[0])"
+    f".map((view) => view.model.title.text.split(/{THIN}·|\\n/)[0])"
 )
-"""The titles of all figures, without the figures of merit behind them."""
+"""The titles of all figures, without the figures of merit behind or below them."""
 FIRST = {
     "Overview": "Ground track",
     "Errors": "Position error, east [m]",
