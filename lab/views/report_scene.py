@@ -23,7 +23,7 @@ WIDE, HIGH = 1000.0, 420.0
 FLATTEST = 0.2
 """Least extent of the heights by the horizontal one; a flatter flight has its heights drawn larger."""
 STYLE = """
-#scene { width: 100%; height: auto; touch-action: none; cursor: grab; break-inside: avoid; }
+#scene { width: 100%; height: auto; touch-action: pan-y; cursor: grab; break-inside: avoid; }
 #scene polyline { fill: none; stroke-linejoin: round; stroke-linecap: round; }
 """
 
@@ -47,7 +47,7 @@ _SCRIPT = """
     from = event;
     scene.setPointerCapture(event.pointerId);
   });
-  scene.addEventListener("pointerup", () => { from = null; });
+  for (const end of ["pointerup", "pointercancel"]) scene.addEventListener(end, () => { from = null; });
   scene.addEventListener("pointermove", (event) => {
     if (!from) return;
     turn((event.clientX - from.clientX) / 150, (event.clientY - from.clientY) / 150);
@@ -59,7 +59,7 @@ _SCRIPT = """
   });
 }
 """
-AZIMUTH, ELEVATION = 0.5, 0.45
+AZIMUTH, ELEVATION = -np.pi / 4, 0.45
 """Direction from which the drawing is first seen: from the south-west, and from above [rad]."""
 
 

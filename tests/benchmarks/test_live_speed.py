@@ -101,7 +101,7 @@ def test_no_sample_is_lost_and_the_navigator_gets_it_soon(
         assert samples.imu.tobytes() == received.tobytes()
     # A step of samples goes to the navigator at once, when its last sample is there.
     assert np.median(delay) <= 35.0
-    assert np.percentile(delay, 99) <= 1e3 * STEP + 20.0
+    assert np.percentile(delay, 99) <= 1e3 * STEP
 
 
 def test_an_unplugged_device_is_shown_and_comes_back(tmp_path: Path) -> None:

@@ -116,3 +116,10 @@ def test_the_flight_is_drawn_in_three_dimensions_and_to_scale_but_for_its_height
     assert drawn == pytest.approx(drawn[:1].repeat(3), rel=0.02)
     assert np.ptp(shadow[:, 2]) == 0 and (shadow[:, :2] == estimate[:, :2]).all()
     assert (estimate[:, 2] >= shadow[0, 2]).all()
+    points = re.findall(r'points="(.*?)"', found[0])[-1].split()
+    seen = np.array([[float(one) for one in point.split(",")] for point in points])
+    right, down = np.linalg.lstsq(truth, seen, rcond=None)[0].T
+    # From the south-west, what is north-east is behind, and higher; north-west is left, south-east right.
+    assert right == pytest.approx([np.sqrt(0.5), -np.sqrt(0.5), 0], abs=2e-3)
+    assert down[0] == pytest.approx(down[1], abs=2e-3)
+    assert down[0] < 0 > down[2]
