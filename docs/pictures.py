@@ -18,11 +18,11 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from urllib.parse import urlencode
 
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
 
 from dashboards.drawn_pages import PAGES
 from dashboards.query import BESIDE
@@ -57,8 +57,6 @@ TITLES = (
 )
 """The titles of all figures; some have figures of merit behind them."""
 MONTREAL = "?mission=montreal&seed=7"
-SMALLEST_LAPTOP = 1000
-"""Width below which a window is that of a phone [px]."""
 SIZES = {390: 844, 1440: 900, 2560: 1440}
 """Widths and heights of the windows of `make_every` [px]: a phone, a laptop, a large screen."""
 
@@ -269,10 +267,8 @@ def make_every(folder: Path, chromium: Browser) -> None:
             where = "beside" if title in BESIDE else "tab"
             for width, height in SIZES.items():
                 for theme in ("default", "dark"):
-                    agent: dict[str, Any] = {"user_agent": "Mobi"} if width < SMALLEST_LAPTOP else {}
-                    context = chromium.new_context(
-                        viewport={"width": width, "height": height}, base_url=address, **agent
-                    )
+                    size: ViewportSize = {"width": width, "height": height}
+                    context = chromium.new_context(viewport=size, base_url=address)
                     context.set_default_timeout(PATIENCE)
                     page = context.new_page()
                     page.goto(f"{MONTREAL}&{urlencode({where: title, 'theme': theme})}")

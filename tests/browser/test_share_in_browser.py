@@ -17,7 +17,7 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     chromium: Browser, address: str, open_page: Callable[..., Page]
 ) -> None:
     held = quote("mission=los_angeles&navigator.r_scale=4", safe="")
-    context = new_context(chromium, viewport={"width": 360, "height": 800}, user_agent="Mobi")
+    context = new_context(chromium, viewport={"width": 360, "height": 800})
     context.grant_permissions(["clipboard-read", "clipboard-write"])
     page = context.new_page()
     page.goto(
