@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from lab.base.parameters.setting_error import SettingError
-from lab.sensors.heading_sensor import check_field
+from lab.motion.frames.magnetic_field import magnetic_field
+from lab.motion.truth.trajectory import Trajectory
+from lab.sensors.heading_sensor import MAGNETOMETER, HeadingErrors, check_field
+from lab.sensors.readings import Readings
+from tests.flights import circle
 
 
 def along(first: tuple[float, float], last: tuple[float, float]) -> np.ndarray:
@@ -37,3 +41,20 @@ def test_a_magnetometer_is_refused_where_it_shows_no_heading(way: np.ndarray, wh
 @pytest.mark.parametrize("way", [along((69.0, 18.0), (70.0, 20.0)), along((45.0, -74.0), (46.0, -73.0))])
 def test_elsewhere_it_is_not(way: np.ndarray) -> None:
     check_field(way)
+
+
+def test_a_magnetometer_without_errors_reads_the_field_in_the_axes_of_the_imu() -> None:
+    """A banked circle: the field of the model, turned by matrices of yaw, pitch and roll."""
+    trajectory = Trajectory.from_recording(circle())
+    time = np.linspace(5.0, 90.0, 18)
+    true = trajectory.at(time)
+    found = HeadingErrors(source=MAGNETOMETER).shown(trajectory, Readings(time, true.euler[:, 2]))
+    field = magnetic_field(trajectory.at(np.zeros(1)).position[0])
+    for (roll, pitch, yaw), read, declination in zip(true.euler, found.field, found.value, strict=True):
+        cr, sr, cp, sp, cy, sy = np.array([f(a) for a in (roll, pitch, yaw) for f in (np.cos, np.sin)])
+        about_z = np.array([[cy, sy, 0.0], [-sy, cy, 0.0], [0.0, 0.0, 1.0]])
+        about_y = np.array([[cp, 0.0, -sp], [0.0, 1.0, 0.0], [sp, 0.0, cp]])
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, sr], [0.0, -sr, cr]])
+        expected = about_x @ about_y @ about_z @ field / np.linalg.norm(field)
+        np.testing.assert_allclose(read, expected, atol=1e-12)
+        assert declination == pytest.approx(np.arctan2(field[1], field[0]), abs=1e-12)
