@@ -51,7 +51,7 @@ from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_uni
 from lab.data.sheets.sheet_gravity import refuse_cm_per_s2
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
 from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, without_gravity
-from lab.data.sheets.sheet_layout import as_utf8, cells_of, layout_of
+from lab.data.sheets.sheet_layout import TIMES, as_utf8, cells_of, layout_of
 from lab.data.sheets.sheet_pressure import barometer_of
 from lab.data.sheets.sheet_sources import ENDINGS, KITTI_STAMP, as_table, parted, tables_in
 from lab.motion.frames.displacement import velocity_of_positions
@@ -72,7 +72,6 @@ _MAX_REPORT = 1500
 """Longest report of columns in a message [characters]."""
 _NUMBER = re.compile(r"[+-]?\.?\d")
 """How a number begins: prose is no header, and has no numbers below."""
-_STAMPS = {"time", "seconds", "clock", "date", "second"}
 _POSITION = ("latitude", "longitude")
 _QUATERNION = ("q0", "q1", "q2", "q3")
 _PHONE_WORDS = ("accelerometer", "acceleration")
@@ -104,7 +103,7 @@ def _names_enough(text: bytes, name: str) -> bool:
         return False
     quantities = {(one.quantity, one.axis) for one in layout.known if one is not None}
     names = {name for name, _ in quantities}
-    has_time = bool(names & _STAMPS)
+    has_time = bool(names & TIMES) or layout.rate > 0
     if any(one is not None and one.quantity == "pressure" and one.unit for one in layout.known):
         return has_time
     is_motion = set(_POSITION) <= names or set(_QUATERNION) <= names or has_velocity(names)
@@ -115,7 +114,7 @@ def _names_enough(text: bytes, name: str) -> bool:
 def missing_time_reason(head: bytes) -> str:
     """Return advice for a table that names positions or sensors, and no time; else an empty text."""
     names = {one.quantity for one in _known_in(head)}
-    if names & _STAMPS or not _has_samples(names):
+    if names & TIMES or not _has_samples(names):
         return ""
     return (
         f"{_listed(head)}, and none of its headings names a time: --column HEADING=time[s] says "
@@ -125,7 +124,7 @@ def missing_time_reason(head: bytes) -> str:
 
 def what_is_missing(head: bytes) -> str:
     """Return what a table lacks whose headings name some quantities; else an empty text."""
-    names = {one.quantity for one in _known_in(head)} - _STAMPS
+    names = {one.quantity for one in _known_in(head)} - TIMES
     if not names or _has_samples(names):
         return missing_time_reason(head) if set(_POSITION) <= names else ""
     return (
@@ -204,7 +203,7 @@ _MAX_UNREAD = 20
 
 def unread(sheets: Sequence[Sheet], used: Sequence[str], remarks: Sequence[str]) -> list[str]:
     """Return a sentence on the columns of which nothing is used; none if there are none."""
-    stamps = {*_STAMPS, "fraction", "year", "month", "day", "hour", "minute", "side", "instance"}
+    stamps = {*TIMES, "fraction", "year", "month", "day", "hour", "minute", "side", "instance"}
     texts = [
         text
         for one in sheets

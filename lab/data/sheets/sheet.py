@@ -159,7 +159,27 @@ def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sh
         return None
     said = _HEIGHTS_ABOVE.search(data[:start])
     sheet = sheet_below(name, data[start:], layout)
+    if layout.rate:
+        sheet = _timed_by_rate(sheet, layout.rate)
     return replace(sheet, ellipsoid=said[1].lower().startswith(b"ellipsoid") if said else None)
+
+
+def _timed_by_rate(sheet: Sheet, rate: float) -> Sheet:
+    """Return a sheet whose samples come at a rate, with times: of a counter of samples, or of its rows."""
+    counted = [np.nanmedian(np.diff(values)) == 1 for _, values in sheet.all_of("time") if len(values) > 1]
+    remark = (
+        f"No column of {sheet.name} has times: the lines above its header say {rate:.6g} samples a second."
+    )
+    sheet = replace(sheet, remarks=(*sheet.remarks, remark))
+    if any(counted):
+        return sheet
+    rest = [i for i, one in enumerate(sheet.headings) if one.quantity != "time"]
+    heading = Heading("number of the row", "time", unit=f"s/{rate:.6g}")
+    return replace(
+        sheet,
+        headings=(heading, *(sheet.headings[i] for i in rest)),
+        columns=(np.arange(float(len(sheet))), *(sheet.columns[i] for i in rest)),
+    )
 
 
 def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> Sheet:

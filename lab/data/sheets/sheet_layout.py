@@ -42,6 +42,8 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _MINUS = re.compile(rb"\xe2\x88\x92|\xe2\x80\x93(?=[\d.])")
 """The minus sign of typesetters, and a dash before a number."""
 
+TIMES = {"time", "seconds", "clock", "date", "second"}
+"""Quantities that are a time stamp, or part of one."""
 Overrides = Mapping[str, str]
 """What a person says of columns, by heading: a quantity with its unit, as `given_heading` reads it."""
 
@@ -55,6 +57,8 @@ class Layout:
     headings: tuple[str, ...]
     known: tuple[Heading | None, ...]
     profile: Profile | None = None
+    rate: float = 0.0
+    """Samples per second [Hz] that the lines above say, of a table without times; 0 for unknown."""
 
     @property
     def worth(self) -> int:
@@ -131,7 +135,54 @@ def layout_of(
             layout = Layout(place, delimiter, cells, _known(cells, name, overrides or {}, found), found)
             if best is None or layout.worth > best.worth:
                 best = layout
-    return best if best is not None and best.worth else None
+    return _counted(best, lines[: best.line]) if best is not None and best.worth else None
+
+
+_STATED = re.compile(
+    r"(?i)(?P<words>[^\d\n]{0,80}(?:[^\W\d]\d{1,6}[^\d\n]{0,80})?)(?<![\w.])"
+    r"(?P<number>\d{1,9}(?:[.,]\d{1,9})?)\s*(?P<unit>k?hz|ms)?(?![\w/:])"
+)
+"""A number above a header, with the words before it and its unit."""
+_OF_SAMPLES = re.compile(
+    r"(?i)sampl|abtast|chantillonn|muestreo|campionamento|amostragem|próbkowan|дискретизац|采样"
+)
+_A_RATE = re.compile(r"(?i)rate|fr[eé][qc]u|hz|частот|频率")
+"""Words of how often samples are taken, in some languages: of samples, and of a rate."""
+_OF_OTHERS = re.compile(r"(?i)filter|cut|band|baud|baro|(?<![a-z])mag|gps|gnss|heart|video|frame")
+"""Words of another frequency than that of the samples."""
+_COUNTERS = re.compile(
+    r"(?:packet|sample|frame|data)?(?:counter|count|number|no|nr|index|id)?|seq|sequence|n|i"
+)
+"""Headings of columns that count samples, as `plain` gives them."""
+_RATES = (1.0, 1e5)
+"""Lowest and highest rate of samples [Hz]."""
+_MAX_STATED = 500
+"""Characters of a line in which a rate is looked for."""
+
+
+def _counted(layout: Layout, above: Sequence[bytes]) -> Layout:
+    """Return a layout with the rate of its samples, if it names no time and the lines above say that rate."""
+    names = {one.quantity for one in layout.known if one is not None}
+    if names & TIMES or not names & {"rate", "force"}:
+        return layout
+    rates = set()
+    for line in above:
+        for found in _STATED.finditer(line[:_MAX_STATED].decode("utf-8", "replace")):
+            unit = (found["unit"] or ("ms" if "(ms)" in found["words"] else "")).lower()
+            is_named = _OF_SAMPLES.search(found["words"]) and (unit or _A_RATE.search(found["words"]))
+            if _OF_OTHERS.search(found["words"]) or not (is_named or "hz" in unit):
+                continue
+            number = float(found["number"].replace(",", "."))
+            rate = 1000 / number if unit == "ms" and number else number * (1000 if unit == "khz" else 1)
+            rates.add(rate)
+    if len(rates) != 1 or not _RATES[0] <= min(rates) <= _RATES[1]:
+        return layout
+    places = (i for i, one in enumerate(layout.known) if one is None and layout.headings[i])
+    counter = next((i for i in places if _COUNTERS.fullmatch(plain(layout.headings[i]))), -1)
+    known = list(layout.known)
+    if counter >= 0:
+        known[counter] = Heading(layout.headings[counter], "time", unit=f"s/{min(rates):.6g}")
+    return replace(layout, known=tuple(known), rate=min(rates))
 
 
 def numbered_layout(head: bytes, overrides: Overrides) -> Layout | None:

@@ -10,6 +10,9 @@ from sensor_logs import tables
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.formats import read_raw
 from lab.data.sheets.column_names import heading_of
+from lab.data.sheets.sensor_csv import recognises
+from lab.data.sheets.sheet import read_sheet
+from lab.data.sheets.sheet_clock import clock_of
 from lab.missions.flight_import import read_log
 
 
@@ -91,3 +94,41 @@ def test_the_sigmas_of_rtklib_are_those_of_each_axis(tmp_path):
     imu = table(tmp_path / "imu.csv", "time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z", made.imu)
     log = read_log([imu, table(tmp_path / "rover.csv", header, rows)])
     np.testing.assert_allclose(log.gnss.position_sigma, np.tile((0.25, 0.5, 0.75), (len(rows), 1)))
+
+
+ABOVE = (
+    ("// Start Time: 0\n// Sample rate: 100.0Hz\n// Firmware Version: 2.5.1", "\t", "Counter", 65_500),
+    ("# Config: data_rate = 100 Hz, filter = 488 Hz, acc_range = 4 g, gyro_range = 250 dps", ",", "count", 1),
+    ("------ Data File Created By GT3X+ date format M/d/yyyy at 100 Hz  Filter Normal ------", ",", "", 0),
+    ("Abtastrate;100,0 Hz\nTiefpassfilter;20 Hz", ";", "", 0),
+    ("Fréquence d'échantillonnage: 0,1 kHz", ";", "", 0),
+    ("Sample Rate,100\nStart Time,12:00:00", ",", "sample", 0),
+    ("@ IMU of a stranger, Sampling Rate:10ms", ",", "packet no", 7),
+)
+NOT_OF_SAMPLES = ("# low-pass filter: 50 Hz", "# Rate: 50 Hz, then 100 Hz", "# Samples: 4500")
+
+
+def test_the_rate_of_samples_above_a_header_times_a_table_without_times(tmp_path):
+    """Rows that are lost show where rows are counted, in 16 bits too."""
+    made = tables(30, 90)
+    since = made.imu[0, 0]
+    imu = np.delete(made.imu, np.s_[700:703], axis=0) - [since, *(0.0,) * 6]
+    names = [f"{one} ({unit})" for one, unit in zip(
+        ("gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z"), ["rad/s"] * 3 + ["m/s²"] * 3, strict=True
+    )]  # fmt: skip
+    for above, mark, counter, first in ABOVE:
+        numbers = [f"{(first + round(100 * t)) % 65_536:d}{mark}" if counter else "" for t in imu[:, 0]]
+        cells = [mark.join(f"{value:.9f}" for value in row[1:]) for row in imu]
+        header = mark.join([counter, *names] if counter else names)
+        text = "\n".join((above, header, *map("".join, zip(numbers, cells, strict=True)))).encode()
+        assert recognises(text[:4000]), above
+        sheet = read_sheet("imu.txt", text)
+        expected = (imu[:, 0] if counter else np.arange(len(imu)) / 100) + first / 100
+        np.testing.assert_allclose(clock_of(sheet, fast=True).time, expected, atol=1e-6, err_msg=above)
+    path = tmp_path / "imu.txt"
+    path.write_bytes(text)
+    gnss = made.gnss[:, :6] - [since - first / 100, *(0.0,) * 5]
+    log = read_log([path, table(tmp_path / "gps.csv", "t (s),lat,lon,alt,vn,ve", gnss)])
+    assert any("say 100 samples a second" in remark for remark in log.repairs)
+    for above in NOT_OF_SAMPLES:
+        assert not recognises("\n".join((above, mark.join(names), *cells)).encode()), above
