@@ -305,6 +305,28 @@ def test_a_device_that_is_open_in_another_way_is_not_watched_unasked(
 
 
 @pytest.mark.proof
+def test_a_source_is_as_it_was_chosen_by_the_page_that_opens_it(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(devices, "_decided", {})
+    lines = tmp_path / "lines.txt"
+    lines.write_text("ax,ay,az,gx,gy,gz\n" + "0.01,0.02,-9.81,0.001,0.002,0.003\n" * 3000)
+    sources = [f"replay:{lines}?rate=50", f"replay:{lines}?axes=y, x, -z&rate=100"]
+    allow_devices(sources)
+    pages = opened(), opened()
+    for source in sources:
+        for one in pages:  # the second one watches what the first one has opened
+            one.page._fields.refresh()
+            one.page._fields._source.value = source
+            one.page._toggle()
+            one.until(lambda one=one: one.page._station is not None or bool(one.page._job._after.text))
+            assert one.page._station is not None, one.page._job._after.text
+        assert pages[0].page._station is pages[1].page._station
+        for one in pages:
+            one.page._toggle()
+        pages[0].until(lambda: not STATIONS.keys())
+
+
 def test_x_plane_is_watched_with_the_sensors_of_the_settings(
     opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
 ) -> None:

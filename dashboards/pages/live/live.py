@@ -294,26 +294,26 @@ class Live(PartOfWatched, Page):
         self._job.start(
             "Connecting",
             lambda _progress: self._opened(chosen, watcher, visitor),
-            lambda opened: self._came(chosen, watcher, *opened),
+            lambda opened: self._came(watcher, *opened),
         )
 
-    def _opened(self, chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Station]:
-        """Return the station with its key; in a thread."""
+    def _opened(self, chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Station, list[str]]:
+        """Return what `_open` does; in a thread."""
         try:
-            key, station = _open(chosen, watcher, visitor)
-            if _differences(chosen, station) and STATIONS.watchers(key) == 1:  # the others have just left
+            key, station, differences = _open(chosen, watcher, visitor)
+            if differences and STATIONS.watchers(key) == 1:  # the others have just left
                 _leave(key, watcher)
-                key, station = _open(chosen, watcher, visitor)
+                key, station, differences = _open(chosen, watcher, visitor)
         except ValueError:
             if chosen.phone is not None:
                 forget_phone(chosen.phone)
             raise
         if self._closed:  # meanwhile: nobody would leave it
             _leave(key, watcher)
-        return key, station
+        return key, station, differences
 
-    def _came(self, chosen: Chosen, watcher: object, key: str, station: Station) -> None:
-        if differences := _differences(chosen, station):
+    def _came(self, watcher: object, key: str, station: Station, differences: list[str]) -> None:
+        if differences:
             others = STATIONS.watchers(key) - 1
             LONG.submit(_leave, key, watcher)
             self._fields.offer_to_watch(key)
@@ -476,17 +476,22 @@ class Live(PartOfWatched, Page):
             device.unplug(AWAY)  # the device plugs itself in again: this page may be closed before
 
 
-def _differences(chosen: Chosen, station: Station) -> list[str]:
-    """Return in what a station that is open differs from what was chosen."""
-    return [] if chosen.wanted is None else chosen.wanted.differences(station)
+def _open(chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Station, list[str]]:
+    """Return the station of a chosen source with its key, opened if it is not open.
 
+    The third value is in what a station that another page has opened differs from what was chosen.
+    """
+    if (make := chosen.make) is None:
+        return chosen.key, STATIONS.watch(chosen.key, watcher, visitor), []
+    wanted, made = chosen.wanted, list[Station]()
 
-def _open(chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Station]:
-    """Return the station of a chosen source with its key, opened if it is not open."""
-    if chosen.make is None:
-        return chosen.key, STATIONS.watch(chosen.key, watcher, visitor)
-    alone = chosen.wanted is not None and chosen.wanted.is_alone
-    return STATIONS.open(chosen.key, watcher, chosen.make, visitor, alone=alone)
+    def make_one() -> Station:
+        made.append(make())
+        return made[-1]
+
+    alone = wanted is not None and wanted.is_alone
+    key, station = STATIONS.open(chosen.key, watcher, make_one, visitor, alone=alone)
+    return key, station, [] if wanted is None or station in made else wanted.differences(station)
 
 
 def _leave(key: str, watcher: object) -> None:

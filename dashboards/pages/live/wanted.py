@@ -47,7 +47,8 @@ class Wanted(NamedTuple):
         there = usual | Address.of(station.source.address).options | {"axes": str(status.axes)}
         if status.protocol:
             there["protocol"] = status.protocol
-        wanted = usual | {"axes": str(AxisMap())} | self.address.options
+        axes = self.address.options.get("axes", "" if self.address.kind == "replay" else str(AxisMap()))
+        wanted = usual | self.address.options | ({"axes": str(AxisMap.of(axes))} if axes else {})
         clauses = [
             f"{name} is {there.get(name, 'to be found out')}, not {wanted[name]}"
             for name in _COMPARED

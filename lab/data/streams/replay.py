@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from lab.data.streams.address import Address
 from lab.data.streams.capture import Records, header_of, records_of
 from lab.data.streams.raw_recording import DATA, DEVICE_LOST, RecordingError, event_of
 from lab.data.streams.transport import Chunk, TransportError
@@ -44,7 +45,7 @@ class Replay:
     reconnects = True
 
     def __init__(self, path: str | os.PathLike[str], speed: float = 1.0, **options: str) -> None:
-        self.address = f"replay:{path}?speed={speed:g}"
+        self.address = str(Address("replay", str(path), {"speed": f"{speed:g}", **options}))
         self.path = Path(path)
         self.speed = speed
         self.tell: Callable[[Mapping[str, Any]], None] = lambda event: None
