@@ -29,8 +29,8 @@ from tornado.web import Application as WebApplication
 NEWEST, YOUNG = 0, 1
 """Generations of Python's garbage collector."""
 
-AT_ONCE = 3000
-"""Objects of an ended page that are examined before other tasks run; they take 15 ms."""
+AT_ONCE = 10_000
+"""References of an ended page that are followed before other tasks run; they take 5 ms."""
 MOST = 400_000
 """Most objects that count as those of one page; a page that has shown all its tabs has 100,000."""
 
@@ -78,16 +78,22 @@ async def search_from(roots: list[object]) -> None:
 
 async def _make_young(roots: list[object]) -> None:
     """Move all objects reachable from some objects to the youngest generation; empty the list."""
-    shared = {id(vars(module)) for module in list(sys.modules.values()) if isinstance(module, ModuleType)}
+    passed = {id(vars(module)) for module in list(sys.modules.values()) if isinstance(module, ModuleType)}
+    shared, owned = set[type](), set[type]()
     found: dict[int, object] = {}
     while roots and len(found) < MOST:
-        one = roots.pop()
-        number = id(one)
-        if number not in found and number not in shared and not isinstance(one, SHARED):
-            found[number] = one
-            roots.extend(gc.get_referents(one))
-            if len(found) % AT_ONCE == 0:
-                await asyncio.sleep(0)
+        tracked = list(filter(gc.is_tracked, roots[-AT_ONCE:]))
+        del roots[-AT_ONCE:]
+        some = dict(zip(map(id, tracked), tracked, strict=True))
+        for number in passed.intersection(some):
+            del some[number]
+        passed.update(some)
+        for kind in set(map(type, some.values())) - shared - owned:
+            (shared if issubclass(kind, SHARED) else owned).add(kind)
+        new = {number: one for number, one in some.items() if type(one) in owned}
+        found |= new
+        roots += gc.get_referents(*new.values())
+        await asyncio.sleep(0)
     roots.clear()
     # Both calls run in C without releasing the lock, so no other thread sees an object in between.
     deque(map(_track, filterfalse(_untrack, filter(gc.is_tracked, found.values()))), maxlen=0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import gc
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextvars import Context
@@ -37,8 +37,6 @@ in a thread refers to its page until it is done."""
 ENOUGH = 100
 """Ended pages between two full collections. A collection from a page misses objects that it dropped and that
 nothing of it refers to any more."""
-ROOM = 200_000
-"""Objects kept since the last full collection from which there is another one; they take 130 MB."""
 MUCH = 200 * 2**20
 """Memory taken since the last full collection from which there is another one [bytes]: two streams at 1 kHz,
 which are few objects."""
@@ -56,11 +54,9 @@ the first page of Montréal, 46 MB."""
 EACH = 16 * 2**20
 """Memory of cached results that each page in a browser adds once another has ended [bytes]: twelve positions
 of a slider. Two hundred pages, one after the other, otherwise fill the cache with what nobody sees."""
-COUNT = 5
-"""Ended pages between two counts of the kept objects: each goes through all of them, 90 ms for 700,000."""
-MOST = 900_000
-"""Most objects for a full collection while pages are open: it takes half a second for them. The imports are
-390,000, and a page has 30,000 to 100,000."""
+MOST = 3_000_000
+"""Most blocks of memory of Python's objects for a full collection while pages are open: it takes half a
+second for them. The imports are 1.2 million, and a page has 100,000 to 300,000."""
 
 Turn = Callable[[], "asyncio.Future[None]"]
 
@@ -76,7 +72,7 @@ class Openings(Handler):
         self._waiting: deque[Turn] = deque()
         self._ended: deque[Turn] = deque()
         self._ended_since = 0
-        self._kept, self._taken = gc.get_freeze_count(), resident()  # after the last full collection
+        self._taken = resident()  # after the last full collection
         self._searching: asyncio.Task[None] | None = None
         self._models: WeakKeyDictionary[Document, set[ref[Model]]] = WeakKeyDictionary()
         self._noted: WeakKeyDictionary[Document, tuple[int, int]] = WeakKeyDictionary()
@@ -156,8 +152,7 @@ class Openings(Handler):
                 self._search_all()  # what is in use may be so by garbage only
                 return
             self._ended_since += 1
-            if self._ended_since % COUNT == 0 or self._is_much:
-                self._search_all()
+            self._search_all()
 
         return asyncio.ensure_future(search())
 
@@ -174,9 +169,7 @@ class Openings(Handler):
         Once the last page has ended, all that it left is searched: then nobody waits.
         """
         left = self._is_left and self._ended_since > 0
-        due = (
-            left or self._ended_since >= ENOUGH or self._is_much or gc.get_freeze_count() - self._kept > ROOM
-        )
+        due = left or self._ended_since >= ENOUGH or self._is_much
         if due and (self._searching is None or self._searching.done()):
             loop = asyncio.get_running_loop()
             self._searching = loop.create_task(self._search_when_still(), context=Context())  # as in `_begin`
@@ -184,11 +177,11 @@ class Openings(Handler):
     async def _search_when_still(self) -> None:
         while rested() < STILL:
             await asyncio.sleep(LOOK)
-        if self._is_left or gc.get_freeze_count() < MOST:
+        if self._is_left or sys.getallocatedblocks() < MOST:
             garbage.search_all()
             await asyncio.to_thread(give_back)
             self._ended_since = 0
-            self._kept, self._taken = gc.get_freeze_count(), resident()
+            self._taken = resident()
 
     def _search_again(self, left: list[ref[object]], wait: float) -> None:
         self._ended.append(partial(self._search, _alive(left), wait))

@@ -217,7 +217,6 @@ UNLIMITED = 10**12
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list that gets an entry with each search of everything, asked for with each ended page."""
     found: list[int] = []
-    monkeypatch.setattr(openings, "COUNT", 1)
     monkeypatch.setattr(openings, "MUCH", UNLIMITED)
     monkeypatch.setattr(openings, "rested", lambda: openings.STILL)
     monkeypatch.setattr(garbage, "search_all", lambda: found.append(1))
@@ -250,32 +249,11 @@ def test_everything_is_searched_now_and_then_while_there_is_not_too_much(
     assert len(found) == 2
 
 
-@pytest.mark.proof
-def test_everything_is_searched_when_much_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, turns = searches(monkeypatch), Openings()
-    monkeypatch.setattr(openings, "ROOM", 10_000)
-    monkeypatch.setattr(openings, "MOST", UNLIMITED)
-    end_pages(turns, 1)
-    assert found == []
-    much = [Ended() for _ in range(30_000)]  # others of the process may end meanwhile
-    garbage.keep()
-    end_pages(turns, 2)
-    assert len(found) == 1
-    assert len(much) == 30_000
-
-
-def test_what_was_kept_is_counted_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    turns, counted = Openings(), []
-    monkeypatch.setattr(gc, "get_freeze_count", lambda: counted.append(1) or 0)
-    end_pages(turns, 2 * openings.COUNT)
-    assert len(counted) == 2
-
-
 def test_everything_is_searched_for_a_page_that_only_garbage_refers_to(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found, turns, page = searches(monkeypatch), Openings(), Ended()
-    monkeypatch.setattr(openings, "ROOM", -UNLIMITED)  # fewer are kept than before, if others end meanwhile
+    monkeypatch.setattr(openings, "ENOUGH", 0)
     monkeypatch.setattr(openings, "MOST", UNLIMITED)
 
     async def end() -> None:
@@ -293,7 +271,6 @@ def test_everything_is_searched_when_much_memory_was_taken(monkeypatch: pytest.M
     monkeypatch.setattr(openings, "resident", lambda: memory[-1])
     found, turns = searches(monkeypatch), Openings()
     monkeypatch.setattr(openings, "MUCH", 100)
-    monkeypatch.setattr(openings, "ROOM", UNLIMITED)
     monkeypatch.setattr(openings, "MOST", UNLIMITED)
     expected = 0
     for now, is_much in ((390, False), (200, False), (290, False), (310, True), (400, False), (420, True)):
@@ -328,7 +305,6 @@ def test_everything_is_searched_once_the_last_page_has_ended(monkeypatch: pytest
     However much it is, nobody waits while it is searched.
     """
     found, turns = searches(monkeypatch), Openings()
-    monkeypatch.setattr(openings, "ROOM", UNLIMITED)
     monkeypatch.setattr(openings, "MOST", 0)
     context: Any = Context([SimpleNamespace(connection_count=1, document=Document())])
     turns._context = ref(context)
