@@ -40,6 +40,7 @@ SCALARS = {
     "instance": "", "craft": "",
     "north_sigma": "length", "east_sigma": "length",
     "horizontal_sigma": "length", "vertical_sigma": "length", "speed_sigma": "speed",
+    "north_speed_sigma": "speed", "east_speed_sigma": "speed", "down_speed_sigma": "speed",
     "pressure": "pressure",
     "roll": "angle", "pitch": "angle", "yaw": "angle", "q0": "", "q1": "", "q2": "", "q3": "",
     "position_resets": "", "velocity_resets": "", "attitude_resets": "",

@@ -28,6 +28,9 @@ _SIGMAS = {
     "east_sigma": ("length", slice(1, 2), "the position east", 1.0),
     "vertical_sigma": ("length", slice(2, 3), "the height", 1.0),
     "speed_sigma": ("speed", slice(3, 6), "the velocity", 1.0),
+    "north_speed_sigma": ("speed", slice(3, 4), "the velocity north", 1.0),
+    "east_speed_sigma": ("speed", slice(4, 5), "the velocity east", 1.0),
+    "down_speed_sigma": ("speed", slice(5, 6), "the vertical velocity", 1.0),
 }
 """Of each accuracy: the kind of its unit, what it is σ of, that in words, and what it is divided by."""
 _KINDS = ("length", "speed")

@@ -96,6 +96,21 @@ def test_the_sigmas_of_rtklib_are_those_of_each_axis(tmp_path):
     np.testing.assert_allclose(log.gnss.position_sigma, np.tile((0.25, 0.5, 0.75), (len(rows), 1)))
 
 
+@pytest.mark.parametrize(
+    "names", ["sd_vn_m_s,sd_ve_m_s,sd_vd_m_s", "sdvn,sdve,sdvu", "VelStdN,VelStdE,VelStdD"]
+)
+def test_the_sigmas_of_a_velocity_are_those_of_each_axis(tmp_path, names):
+    """As the lab writes them, whose logs lost them as they were imported again, and RTKLIB."""
+    made = tables(30, 50)
+    header = f"time,lat,lon,alt,vn_m_s,ve_m_s,vd_m_s,sd_n_m,sd_e_m,sd_d_m,{names}"
+    gnss = made.gnss.copy()
+    gnss[:, 7:] = 0.25, 0.5, 0.75, 0.1, 0.2, 0.3
+    imu = table(tmp_path / "imu.csv", "time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z", made.imu)
+    log = read_log([imu, table(tmp_path / "gnss.csv", header, gnss)])
+    np.testing.assert_allclose(log.gnss.velocity_sigma, gnss[:, 10:])
+    assert not any("not read" in remark for remark in log.repairs)
+
+
 ABOVE = (
     ("// Start Time: 0\n// Sample rate: 100.0Hz\n// Firmware Version: 2.5.1", "\t", "Counter", 65_500),
     ("# Config: data_rate = 100 Hz, filter = 488 Hz, acc_range = 4 g, gyro_range = 250 dps", ",", "count", 1),
