@@ -314,15 +314,37 @@ def _without_placeholders(
 def _on_their_side(
     columns: list[FloatArray], headings: list[Heading], texts: dict[int, str]
 ) -> tuple[list[FloatArray], list[Heading], dict[int, str]]:
-    """Return columns with the sign of the hemisphere that the column after a coordinate names.
+    """Return coordinates with their minutes and seconds, and the sign of the hemisphere that comes after.
 
-    The columns of hemispheres are left out; texts are by the places of the others.
+    The columns of these are left out; texts are by the places of the others.
     """
+    columns, headings, texts = _with_minutes(columns, headings, texts)
     for i in range(1, len(headings)):
         if headings[i].quantity == "side" and headings[i - 1].quantity in _COORDINATES:
             sides = columns[i]
             columns[i - 1] = np.where(np.isfinite(sides), np.abs(columns[i - 1]) * sides, columns[i - 1])
     kept = [i for i, one in enumerate(headings) if one.quantity != "side"]
+    own = {place: texts[i] for place, i in enumerate(kept) if i in texts}
+    return [columns[i] for i in kept], [headings[i] for i in kept], own
+
+
+def _with_minutes(
+    columns: list[FloatArray], headings: list[Heading], texts: dict[int, str]
+) -> tuple[list[FloatArray], list[Heading], dict[int, str]]:
+    """Return whole degrees of a coordinate with the minutes and seconds beside, and without these columns."""
+    parts: list[int] = []
+    for name in _COORDINATES:
+        of = {one.unit: i for i, one in reversed(list(enumerate(headings))) if one.quantity == name}
+        if not {"°", "′"} <= of.keys() or (columns[of["°"]] % 1 > 0).any():
+            continue
+        degrees, minutes = columns[of["°"]], np.abs(columns[of["′"]])
+        if "°/3600" in of:
+            minutes = minutes + np.abs(columns[of["°/3600"]]) / 60
+        if not (np.isfinite(minutes) & (minutes <= 60)).any():
+            continue
+        columns[of["°"]] = degrees + np.copysign(minutes / 60, degrees)
+        parts += [i for unit, i in of.items() if unit != "°"]
+    kept = [i for i in range(len(headings)) if i not in parts]
     own = {place: texts[i] for place, i in enumerate(kept) if i in texts}
     return [columns[i] for i in kept], [headings[i] for i in kept], own
 

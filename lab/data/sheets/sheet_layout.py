@@ -17,6 +17,7 @@ from lab.data.files.fields import NAMED
 from lab.data.files.profile import Profile, plain, profile_of
 from lab.data.files.unit_names import UNITS, unit_of
 from lab.data.sheets.column_names import (
+    GIVEN,
     QUANTITIES,
     QUANTITIES_OF_FLIGHTS,
     SCALARS,
@@ -245,6 +246,31 @@ def _known(
                 unit = unit_of(found.kind, profile.defaults.get(found.quantity, ""))
                 found = replace(found, unit=unit, source=f"as {profile.name} writes") if unit else found
             known.append(found)
+    return _with_parts_of_angles(cells, known)
+
+
+_PART = re.compile(
+    r"(?i)(.+?)[\s_.(\[]*(?:(deg|degrees?|grad|grados|gradi|degrés)|(min|minutes?|minuten|minutos|minuti)"
+    r"|(sec|seconds?|sekunden|segundos|secondi))[)\]]?"
+)
+"""A heading of the degrees, minutes or seconds of an angle, each in a column of its own."""
+_UNITS_OF_PARTS = ("°", "′", "°/3600")
+
+
+def _with_parts_of_angles(cells: Sequence[str], known: list[Heading | None]) -> tuple[Heading | None, ...]:
+    """Return what columns are, with the minutes and seconds of coordinates whose degrees stand beside."""
+    parts: dict[str, dict[str, int]] = {}
+    for place, cell in enumerate(cells):
+        if found := _PART.fullmatch(cell):
+            unit = next(one for one, text in zip(_UNITS_OF_PARTS, found.groups()[1:], strict=True) if text)
+            parts.setdefault(found[1].lower(), {}).setdefault(unit, place)
+    for stem, places in parts.items():
+        whole = heading_of(stem) if {"°", "′"} <= places.keys() else None
+        if whole is None or whole.quantity not in ("latitude", "longitude"):
+            continue
+        for unit, place in places.items():
+            if known[place] is None or known[place].sensor != GIVEN:
+                known[place] = replace(whole, text=cells[place], unit=unit, rank=whole.rank + (unit != "°"))
     return tuple(known)
 
 

@@ -84,12 +84,27 @@ def seconds(angle, sides):
     return f"{int(whole // 60)}° {int(whole % 60)}' {part * 60:.7f}'' {sides[int(angle < 0)]}"
 
 
+def parts(angle, count):
+    """Return whole degrees with the sign, and minutes, of which the last count has decimals."""
+    cells, rest = [f"{'-' if angle < 0 else ''}{int(abs(angle))}"], abs(angle) % 1
+    for _ in range(count - 1):
+        cells.append(f"{int(60 * rest)}")
+        rest = 60 * rest % 1
+    return [*cells, f"{60 * rest:.9f}"]
+
+
 @pytest.mark.parametrize(
     ("place", "write"),
     [("lat,ns,lon,ew", lambda lat, lon: [*nmea(lat, 2, "NS"), *nmea(lon, 3, "EW")]),
      ("latitude,longitude", lambda lat, lon: [minutes(lat, "NS"), minutes(lon, "EW")]),
      ("latitude,longitude", lambda lat, lon: [seconds(lat, "NS"), seconds(lon, "EW")]),
-     ("lat,lon", lambda lat, lon: [ddmm(lat), ddmm(lon)])],
+     ("lat,lon", lambda lat, lon: [ddmm(lat), ddmm(lon)]),
+     ("lat_deg,lat_min,lon_deg,lon_min", lambda lat, lon: [*parts(lat, 1), *parts(lon, 1)]),
+     ("longitude_degrees,longitude_minutes,latitude_degrees,latitude_minutes",
+      lambda lat, lon: [*parts(lon, 1), *parts(lat, 1)]),
+     ("Breite (Grad),Breite (Min),ns,Länge (Grad),Länge (Min),ew",
+      lambda lat, lon: [*parts(abs(lat), 1), "NS"[int(lat < 0)], *parts(abs(lon), 1), "EW"[int(lon < 0)]]),
+     ("LatDeg,LatMin,LatSec,LonDeg,LonMin,LonSec", lambda lat, lon: [*parts(lat, 2), *parts(lon, 2)])],
 )  # fmt: skip
 def test_degrees_and_minutes(tmp_path, made, expected, place, write):
     fix = [[*write(*row[1:3]), *row[3:6]] for row in made[1]]
