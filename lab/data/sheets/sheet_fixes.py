@@ -44,6 +44,8 @@ second; and their factor to degrees."""
 _CONTRADICTED = 5.0
 """Least factor between velocity and motion that contradicts a guessed unit of time: noise of positions at
 10 Hz makes them move up to 2.5 times as fast."""
+_PAUSE = 5.0
+"""Step of the time, in usual ones, from which the speed may have been another one between."""
 _FAST_ENOUGH = 2.0
 """Speed from which positions show the unit of the speed [m/s]."""
 _MIN_LEGS = 10
@@ -368,7 +370,9 @@ def _component_units(
 def _path_ratio(stated: FloatArray, time: FloatArray, position: FloatArray) -> float:
     """Return how much as fast as stated [m/s] the positions move; NaN if they move too little."""
     dt, moved, stated = np.diff(time), np.abs(_steps(position)), (stated[1:] + stated[:-1]) / 2
-    fast = (moved > _FAST_ENOUGH * dt) & (dt > 0) & (stated > 0)
+    # Over a pause of the logger, the speeds at its ends say nothing.
+    usual = dt < _PAUSE * np.median(dt[dt > 0]) if (dt > 0).any() else dt > 0
+    fast = (moved > _FAST_ENOUGH * dt) & (dt > 0) & (stated > 0) & usual
     return float(np.sum(moved[fast]) / np.sum(stated[fast] * dt[fast])) if fast.sum() >= _MIN_LEGS else np.nan
 
 

@@ -46,6 +46,18 @@ def test_the_unit_of_velocities_is_found_by_the_positions(made, unit, factor):
     np.testing.assert_allclose(named.gnss.velocity_n[:, :2], rows[:, 4:])
 
 
+def test_a_pause_of_the_logger_shows_no_unit(made):
+    """A car that went on at half its speed while nothing was recorded has no speeds in knots."""
+    rows = track(made)
+    half = len(rows) // 2
+    pause = 20 * np.ptp(rows[:, 0])
+    pace = np.hypot(*rows[:, 4:].T).mean()
+    rows[half:, 0] += pause
+    rows[half:, 1] += pause * 0.5 * pace / 111_200
+    found = fixes("time,lat,lon,alt,vn,ve", rows)
+    np.testing.assert_allclose(found.gnss.velocity_n[:, :2], rows[:, 4:], atol=1e-9)
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("0.01°", 100), ("1e-5°", 1e5)])
 def test_whole_numbers_of_a_course(made, unit, factor):
     speed, course = speed_and_course(made)
