@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -96,6 +97,7 @@ def seconds_of_texts(texts: Sequence[str]) -> FloatArray:
     A stamp without a zone counts as UTC, one with a zone that is not known is none. A time of day that
     jumps back has passed midnight. Minutes and seconds without an hour count from the hour.
     """
+    texts = _with_zeros(texts)
     sample = next((text for text in texts if text), "")
     if _CLOCK.fullmatch(sample):
         return continued(np.array([_clock(text) for text in texts]), DAY, DAY / 2)
@@ -109,6 +111,31 @@ def seconds_of_texts(texts: Sequence[str]) -> FloatArray:
     if pattern.fullmatch(sample):
         return _dated([pattern.fullmatch(text) for text in texts], pattern is _DATED_MONTH_FIRST)
     return _dates(texts)
+
+
+_FRACTION = re.compile(r"(.*\d:\d{2}[.,:])(\d{1,6})(?=\D*$)")
+"""A stamp up to its fraction of a second, and this."""
+_DIGITS_OF_COUNTS = (3, 6)
+"""Most digits of whole milliseconds and microseconds."""
+
+
+def _with_zeros(texts: Sequence[str]) -> Sequence[str]:
+    """Return stamps with the zeros that a logger leaves out before milliseconds: 12:00:01.7 is 1.007 s.
+
+    As decimals, such stamps run backwards within a second, and as whole numbers they do not.
+    """
+    if len(set(map(len, texts))) == 1:
+        return texts
+    found = [_FRACTION.match(text) for text in texts]
+    width = max((len(one[2]) for one in found if one), default=0)
+    pairs = [(a[2], b[2]) for a, b in pairwise(filter(None, found)) if a[1] == b[1]]
+    backwards = any(f"{a:0<{width}}" > f"{b:0<{width}}" for a, b in pairs)
+    if width not in _DIGITS_OF_COUNTS or not backwards or any(int(a) > int(b) for a, b in pairs):
+        return texts
+    return [
+        f"{one[1]}{one[2]:0>{width}}{text[one.end() :]}" if one else text
+        for one, text in zip(found, texts, strict=True)
+    ]
 
 
 def is_of_hour(text: str) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from foreign_tables import same, table
 
+from lab.data.clock.stamps import seconds_of_texts
 from lab.data.formats import read_raw
 from lab.data.sheets.sheet import read_sheet
 from lab.data.sheets.sheet_clock import clock_of
@@ -68,6 +69,8 @@ STAMPS = {
     "minutes and seconds": lambda t: moment(t, "%M:%S.%f"),
     "digits": lambda t: moment(t, "%Y%m%d%H%M%S.%f"),
     "digits and ms": lambda t: moment(t, "%Y%m%d%H%M%S%f")[:17],
+    "ms without zeros": lambda t: f"{moment(t, '%H:%M:%S')}.{round(t % 1 * 1000) % 1000}",
+    "ms without zeros, of a day": lambda t: f"{moment(t, '%Y-%m-%d %H:%M:%S')}:{round(t % 1 * 1000) % 1000}",
     "noon": lambda t: moment(t - 36_000, "%m/%d/%y %I:%M:%S.%f %p"),
 }
 
@@ -79,6 +82,11 @@ def test_stamps_of_spreadsheets(name):
     rows = "".join(f"{STAMPS[name](1_700_085_590 + t)},{t}\n" for t in since)
     clock = clock_of(read_sheet("a.csv", f"time,gyro_x\n{rows}".encode()), fast=True)
     np.testing.assert_allclose(clock.time - clock.time[0], since, atol=1e-4)
+
+
+def test_decimals_without_zeros_at_their_end_are_decimals():
+    stamps = seconds_of_texts(["12:00:01.125", "12:00:01.5", "12:00:01.75", "12:00:02"])
+    np.testing.assert_allclose(stamps - stamps[0], [0, 0.375, 0.625, 0.875])
 
 
 @pytest.mark.parametrize(
