@@ -252,5 +252,10 @@ NOTHING = {
         f"{np.sqrt(1 - 0.0005 - 0.09 * np.sin(n / 33) ** 2):.5f}\r\n"
         for n in range(COUNT)
     ),
+    "linear_acceleration": "".join(
+        f"{n},3,{0.01 * np.sin(5 * n):.2f},{0.02 * np.sin(7 * n):.2f},-0.01,{0.01 * np.sin(3 * n):.2f},0.01,"
+        "-0.02,0.9848,0.0123,0.0234,0.1717\r\n"
+        for n in range(COUNT)
+    ),
 }
-"""Texts without an IMU that look like one: angles and parts of a quaternion."""
+"""Texts without an IMU that look like one: angles, parts of a quaternion, and forces without gravity."""

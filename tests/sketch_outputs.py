@@ -67,6 +67,24 @@ SKETCHES = {
         "Acelerometro" + _axes("f", " X:#") + " Giroscopio" + _axes("w", " X:#") + "\r\n", "g", "deg"
     ),
     "in_chinese": Form("加速度: @f  角速度: @w\r\n", "g", "deg"),
+    "behind_a_dash": Form(
+        "2024-01-02 10:20:{t:06.3f} - INFO -" + ",".join((_axes("f", " ax=#"), _axes("w", " gx=#"))) + "\n",
+        "g", "deg", 3, 10.0,
+    ),
+    "behind_a_position": Form(
+        "Orion,A,430.12,430.62,47.376900,8.5417{n:02},@W,@F,-1.2{n},2,0.0,Orion\r\n", "g", "deg"
+    ),
+    "behind_numbers_that_stay": Form(
+        "{ms},120324,47376900,8541700,43010,430.1,95000,120,10,4500,@F,@W,1,2,3\r\n", "16384", "131", 0, 0.0
+    ),
+    "before_a_quaternion": Form(
+        "{ms},@F,@W,0.9848,0.0123,0.0234,0.1717,2{n:02},-50,-430,143\r\n", "g", "deg", 2, 0.0
+    ),
+    "tabs_behind_colons": Form(
+        "I ({ms}) mpu: Acceleration:" + _axes("f", "\tx=#") + "\nI ({ms}) mpu: Rotation:"
+        + _axes("w", "\tx=#") + "\n", "16384", "131", 0, 0.0,
+    ),
+    "date_without_zeros": Form("3/12/2024,7:3:{sec},@F,@W\r\n", "m", "deg", 2),
 }  # fmt: skip
 """The texts of one device by name, as `further_outputs.Form` has them."""
 

@@ -117,7 +117,7 @@ def test_lines_that_are_not_recognised_are_shown_with_a_choice_for_each_column(
     assert part._lines.object.count("D ") == 3
     assert len(part._choices) == 6
     part._use.clicks += 1
-    assert "no column is a rate or a force" in part.notice.text
+    assert "no column is a rate, a force or a latitude" in part.notice.text
     for number, choice in enumerate(part._choices):
         choice.value = f"{('force', 'rate')[number // 3]}_{'xyz'[number % 3]}[{('m/s²', '°/s')[number // 3]}]"
     assert "--column '4=rate_x[°/s]'" in part._command.object

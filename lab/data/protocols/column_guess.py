@@ -138,16 +138,18 @@ def _of_separated(lines: Sequence[str], said: Mapping[str, str], whole: bool) ->
 
 
 def _of_labelled(lines: Sequence[str], said: Mapping[str, str], whole: bool) -> ColumnMap | None:
-    """Return the map of lines with words between the numbers."""
+    """Return the map of lines with words between the numbers, if there is one with rates and forces."""
+    first = None
     for sample in labelled_samples(lines):
         remarks: list[str] = []
         columns = _as_said(named(sample.headings, remarks, sample.others), sample.headings, said)
         cells = [[f"{value:g}" for value in row] for row in sample.rows]
         numbers = sample.headings, sample.rows, sample.clocks, cells
         found = _mapped(columns, *numbers, remarks, whole, texts=sample.texts, guessed=not sample.is_named)
-        if found is not None:
+        if found is not None and {"rate_x", "force_x"} <= _names(found.columns):
             return found
-    return None
+        first = first or found
+    return first
 
 
 def _as_said(columns: list[Column], headings: Sequence[str], said: Mapping[str, str]) -> list[Column]:
@@ -249,7 +251,6 @@ def _columns(
     guessed: bool,
 ) -> list[Column] | None:
     """Return the columns, by their names or else by their numbers; None if neither shows an IMU."""
-    source = next((at for at, column in enumerate(columns) if column.quantity == SOURCE), None)
     named_ones = _complete(_timed(columns, headings, rows, clocks, remarks))
     if len(rows) < MIN_LINES and "time" not in _names(named_ones):
         free = [at for at, column in enumerate(named_ones) if column.quantity == IGNORED]
@@ -257,19 +258,29 @@ def _columns(
             return None  # more lines show whether it is a time
     if any(column.kind in ("rate", "force") for column in named_ones):
         return named_ones
+    there = _names(named_ones)
+    placed = named_ones if "latitude" in there else None
     if len(rows) < MIN_LINES or not guessed:
-        return None
+        return placed
     numbers = rows.copy()
-    if source is not None:
-        numbers[:, source] = np.nan
-    found = columns_by_numbers(numbers, remarks)
-    if "rate_x" not in _names(found):
-        return None  # angles and the parts of a quaternion may be as long as 1 g
-    if source is not None:
-        found[source] = columns[source]
+    numbers[:, [column.quantity != IGNORED for column in named_ones]] = np.nan
+    why: list[str] = []
+    found = columns_by_numbers(numbers, why)
+    read = rows[:, [one.kind in ("rate", "force") for one in found]]
+    # Angles and the parts of a quaternion may be as long as 1 g; so may the numbers of a covariance beside a
+    # position, which do not change.
+    if "rate_x" not in _names(found) or (placed and not (np.diff(read, axis=0) != 0).any()):
+        return placed
+    remarks += why
     return [
-        Column("time", CLOCK) if one.quantity == "time" and clocks[at] else one
-        for at, one in enumerate(found)
+        known
+        if known.quantity != IGNORED
+        else Column()
+        if one.quantity in there or (one.quantity == "count" and "time" in there)
+        else Column("time", CLOCK)
+        if one.quantity == "time" and clocks[at]
+        else one
+        for at, (known, one) in enumerate(zip(named_ones, found, strict=True))
     ]
 
 

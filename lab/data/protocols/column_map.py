@@ -207,9 +207,10 @@ class ColumnMap:
                     f"{name} is there more than once; accepted is one column of each quantity"
                 )
         _refuse_parts(names)
-        if not {"rate_x", "force_x"} & set(names):
+        if not {"rate_x", "force_x", "latitude"} & set(names):
             raise ColumnMapError(
-                "no column is a rate or a force; accepted are maps with three of one of them at least"
+                "no column is a rate, a force or a latitude; accepted are maps with three of one of the "
+                "first two at least, or with a position"
             )
         if self.texts and sum(len(line) - 1 for line in self.texts) != len(self.columns):
             raise ColumnMapError("the form of the lines has another number of cells than there are columns")

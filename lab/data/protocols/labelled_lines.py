@@ -261,7 +261,7 @@ def _headings(block: Sequence[Cells], grow: Sequence[bool] = ()) -> tuple[list[s
             names[place] = name, "x"
     in_units = [f"({units[group]})" if units.get(group) else "" for group in groups]
     headings = [
-        " ".join(filter(None, (_ALIASES.get(name.lower(), name), axis, unit)))
+        " ".join(filter(None, (_known_as(name), axis, unit)))
         for (name, axis), unit in zip(names, in_units, strict=True)
     ]
     others = [
@@ -269,6 +269,12 @@ def _headings(block: Sequence[Cells], grow: Sequence[bool] = ()) -> tuple[list[s
         for (name, axis), unit, title in zip(names, in_units, titles, strict=True)
     ]
     return headings, others
+
+
+def _known_as(name: str) -> str:
+    """Return a name whose last word is that which other files have for it."""
+    before, _, word = name.rpartition(" ")
+    return f"{before} {_ALIASES[word.lower()]}".strip() if word.lower() in _ALIASES else name
 
 
 def _labels(line: Cells) -> list[tuple[str, str]]:
@@ -291,7 +297,9 @@ def _cut(text: str, place: int) -> tuple[str, str]:
     """Return the unit of the number before a text, and the name of the number behind it."""
     text = _BRACKETS.sub(r"(\1)", _OF_AXIS.sub(r"_\1", text))
     parts = _ENDS.split(text)
-    names = [part for part in (parts[1:] if place else parts) if part.strip()]
+    # What ends with a colon is a name, and none of the units of the number before: ") imu: Rotation:".
+    is_name = not place or parts[0].rstrip().endswith(":")
+    names = [part for part in (parts if is_name else parts[1:]) if part.strip()]
     # "Accl:", a tabulator, "x=": the axis stands behind the name.
     if place and len(parts) > 2 and not parts[0].strip() and not parts[-1].strip() and len(names) == 1:
         return (unit, "") if (unit := _unit(names[0])) else ("", names[0])  # a cell of its own
@@ -320,4 +328,7 @@ def _unit(text: str) -> str:
 def _name(text: str) -> str:
     """Return the last name in a text, without signs and quotes."""
     words = [word for part in _QUOTES.split(text.replace("'s", "s")) for word in part.split()]
+    if "-" in words[1:-1]:  # "INFO - ax", but not "Gyro - x"
+        last = len(words) - words[::-1].index("-")
+        words = words if _AXIS.match(words[last]) else words[last:]
     return _FILLED.sub("", " ".join(words).strip(" .,;-|/#$>*"))

@@ -62,6 +62,14 @@ _MILLIRADIANS = 50.0
 _AT_REST = 0.05
 """Median length of rates at rest from which they are likelier in °/s than in rad/s: biases and noise of MEMS
 gyros are 0.05 to 5 °/s, which are at most 0.09 rad/s, and rarely more than half of that."""
+_OF_SENSORS = 3e-4
+"""Error of the length of a quaternion that a sensor computes: its parts have 14 bits (BNO085). Each printed
+one adds half a step of its last decimal, four of them at most a step."""
+_MOST_DECIMALS = 9
+"""Most decimals that are told apart."""
+_UNLIKE = 3
+"""Difference of decimals from which columns are of different quantities: printers without a fixed number
+leave out zeros at the end, and by chance two of them in all lines."""
 _STILL = 0.01
 """Largest scatter of the specific force of a sensor at rest, in its median length: hands that hold one move
 it by 2 % and more."""
@@ -80,8 +88,8 @@ def columns_by_numbers(rows: FloatArray, remarks: list[str]) -> list[Column]:
     said: list[str] = []
     time = time_column(rows, said)
     columns = _vectors_by_numbers(rows, time, said)
-    if time is not None:
-        # A device that is turned has forces that grow from line to line, too.
+    if time is not None and time[1].quantity == "time":
+        # A device that is turned has forces that grow from line to line, too, but not by one in each.
         others: list[str] = []
         without = _vectors_by_numbers(rows, None, others)
         if _known(without) > _known(columns):
@@ -107,7 +115,12 @@ def _vectors_by_numbers(
         tags += np.flatnonzero((steps == steps[:, [time[0]]]).mean(axis=0) > GROWS).tolist()
     numbers = [at for at in numbers if at not in tags]
     free = [three for at in range(len(numbers) - 2) if (three := numbers[at : at + 3])[2] == three[0] + 2]
+    parts, sure = _quaternions(rows, numbers)
+    free = [three for three in free if _are_printed_alike(rows[:, three]) and not set(three) & sure]
     alike = [three for three in free if _gravity(rows[:, three])]
+    # Better than what may be parts of a quaternion, or counts that never change, are others that are as long.
+    alike = [three for three in alike if not parts & set(three)] or alike
+    alike = [three for three in alike if not _is_fixed(rows[:, three])] or alike
     if not alike:
         return columns
     # Of a level device, the columns beside those of the force are as long: the first are taken.
@@ -123,7 +136,9 @@ def _vectors_by_numbers(
     place = {at: number for number, at in enumerate(numbers)}
     start = place[force[0]] % 3
     others = [three for three in free if not set(three) & set(force) and place[three[0]] % 3 == start]
-    others = [three for three in others if three[0] > force[0]] or others[::-1]
+    after = [three for three in others if three[0] > force[0]]
+    ahead = [three for three in others[::-1] if three[0] < force[0]]
+    others = [three for three in after if not _are_flags(rows[:, three])] or ahead or after
     fields = [_field(rows[:, three]) for three in others[:2]]
     # Rates at rest may be as steady as a field: the next three are rates, unless only they are steady.
     if len(fields) == 2 and fields[0] and not fields[1]:
@@ -159,6 +174,63 @@ def _tags(rows: FloatArray) -> list[int]:
         if len(tags) > 1 and set(tags) <= set(fixed) and len({first[tag] for tag in tags}) == len(tags):
             return tags
     return []
+
+
+def _quaternions(rows: FloatArray, numbers: Sequence[int]) -> tuple[set[int], set[int]]:
+    """Return columns that may be parts of a quaternion, and those of them that surely are.
+
+    Three parts of a quaternion are as long as 1 g; but three forces in g beside a rate of zero are as long as
+    four parts.
+    """
+    parts, sure = set(), set()
+    for at in range(len(numbers) - 3):
+        four = numbers[at : at + 4]
+        near = max(10.0 ** -max(_decimals(one) for one in rows[:, four].T), _OF_SENSORS)
+        if four[3] == four[0] + 3 and _is_unit(rows[:, four], near):
+            parts |= set(four)
+            three = _is_unit(rows[:, four[:3]], near) or _is_unit(rows[:, four[1:]], near)
+            sure |= set() if three else set(four)
+    return parts, sure
+
+
+def _is_unit(columns: FloatArray, near: float) -> bool:
+    """Return whether columns have a length of 1 in every line, but for their rounding."""
+    lengths = np.linalg.norm(columns[np.isfinite(columns).all(axis=1)], axis=1)
+    return bool(lengths.size and (np.abs(lengths - 1) <= near).all())
+
+
+def _decimals(column: FloatArray) -> int:
+    """Return with how many decimals numbers were printed."""
+    known = column[np.isfinite(column)]
+    return next(
+        (n for n in range(_MOST_DECIMALS) if np.allclose(np.round(known, n), known, 1e-12, 0.0)),
+        _MOST_DECIMALS,
+    )
+
+
+def _are_printed_alike(three: FloatArray) -> bool:
+    """Return whether three columns have as many decimals or digits, but for a few, as those of a vector do.
+
+    A longitude of six decimals beside two rates of two is as long as 1 g in m/s² at 9° east.
+    """
+    decimals = np.array([_decimals(one) for one in three.T])
+    known = decimals > 0  # of whole numbers, zeros among them, these are not seen
+    if not known.any():
+        return True
+    before = np.ceil(np.log10(np.maximum(np.nanmax(np.abs(three), axis=0), 1.0)))
+    return bool(min(np.ptp(decimals[known]), np.ptp((decimals + before)[known])) < _UNLIKE)
+
+
+def _is_fixed(three: FloatArray) -> bool:
+    """Return whether one of three columns of large whole numbers never changes: accelerometers have noise."""
+    is_large = bool(np.abs(three).max() > _COUNTS_OF_G[-1] / 2 and (three % 1 == 0).all())
+    return is_large and bool((three == three[0]).all(axis=0).any())
+
+
+def _are_flags(three: FloatArray) -> bool:
+    """Return whether two of three columns are whole numbers that never change."""
+    fixed = (three == three[0]).all(axis=0) & (three[0] % 1 == 0)
+    return int(fixed.sum()) == 2
 
 
 def _scatter(three: FloatArray) -> float:

@@ -17,7 +17,7 @@ NO_VALUE = r"(?:[+-]?[nN][aA][nN]|null|NULL|[nN]one|NONE|[nN]/[aA]|[+-]?[iI]nf(?
 _DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
 _TIME = r"\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?"
 _SHORT = r"\d{1,2}:\d{1,2}:\d{1,2}(?:\.\d{1,9})?"
-CLOCK = rf"(?:(?:{_DATE}[T ,]{{1,3}})?{_TIME}|{_DATE}[T ]{_SHORT})(?:Z|[+-]\d{{2}}:?\d{{2}})?"
+CLOCK = rf"(?:(?:{_DATE}[T ,]{{1,3}})?{_TIME}|{_DATE}[T ,]{{1,3}}{_SHORT})(?:Z|[+-]\d{{2}}:?\d{{2}})?"
 """A time of day, with or without a date before it; behind a date, sketches write it without zeros."""
 ANY = rf"(?:{CLOCK}|{_DATE}|{NUMBER}|{NO_VALUE})"
 """What a cell that is not read holds."""

@@ -375,7 +375,8 @@ class TextLines:
         count = int(self._number(cells, "count", -1.0))
         rate, force, magnetic = (self._vector(cells, name) for name in VECTORS)
         temperature, pressure = (self._number(cells, name, NAN) for name in ("temperature", "pressure"))
-        self._rows.add_imu(end, time, count, rate, force, magnetic, temperature, pressure)
+        if self._vectors:
+            self._rows.add_imu(end, time, count, rate, force, magnetic, temperature, pressure)
         if "latitude" in self._places:
             self._add_fix(cells, time, end)
         for name, before in self._readings.items():

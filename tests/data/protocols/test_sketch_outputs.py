@@ -92,6 +92,46 @@ def test_devices_at_different_rates_and_with_lost_lines_are_not_mixed():
     assert (np.isclose(imu["force"][:, None], forces[0]).all(axis=2).any(axis=1)).all()
 
 
+def test_a_sensor_at_half_the_rate_is_read_with_the_other():
+    """The faster one alone would be rates without forces."""
+    _, force, rate = motion(3)
+    three = "{0[0]:.4f},{0[1]:.4f},{0[2]:.4f}\n"
+    imu, reception, _ = received(
+        "".join(
+            f"G,{20_000 * n},{three.format(rate[n])}"
+            + (f"A,{20_000 * n},{three.format(force[n])}" if n % 2 == 0 else "")
+            for n in range(COUNT)
+        )
+    )
+    assert COUNT / 2 - 4 <= len(imu) <= COUNT / 2, reception.described
+    at = [int(np.argmin(np.abs(force - one).sum(axis=1))) for one in imu["force"]]
+    np.testing.assert_allclose(imu["force"], force[at], atol=1e-4)
+    np.testing.assert_allclose(np.diff(at), 2)
+    np.testing.assert_allclose(imu["rate"], rate[np.add(at, 1)], atol=1e-4)
+
+
+PLACES = {
+    "a_line": "LAT={0:.6f} LONG={1:.6f} ALT={2:.2f} SAT=9 DOP=0.90\r\n",
+    "brackets": "Location:\t(Latitude: {0:.6f}, Longitude: {1:.6f}, Altitude: {2:.2f})\r\n",
+    "navsatfix": "header:\n  stamp:\n    sec: 17000000{n:02}\n    nanosec: 0\n  frame_id: gps\n"
+    "status:\n  status: 0\n  service: 1\nlatitude: {0:.6f}\nlongitude: {1:.6f}\naltitude: {2:.2f}\n"
+    "position_covariance:\n" + "- 1.0\n- 0.0\n- 0.0\n" * 3 + "position_covariance_type: 2\n---\n",
+}  # fmt: skip
+"""Texts of receivers alone."""
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_positions_without_an_imu_are_fixes(name):
+    places = [(47.37 + 2e-6 * n, 8.54 + 3e-6 * n, 430.1 + 0.1 * n) for n in range(40)]
+    decoder = TextLines()
+    found = decoder.feed("".join(PLACES[name].format(*one, n=n) for n, one in enumerate(places)).encode())
+    assert not len(found.imu), decoder.evidence
+    got = np.column_stack([found.fix[one] for one in ("latitude", "longitude", "height")])
+    got[:, :2] = np.degrees(got[:, :2])
+    np.testing.assert_allclose(got, places[-len(got) :], atol=1e-6)
+    assert len(got) >= 39
+
+
 STILL = {
     "a_flag": lambda n, _rng: n % 2,
     "a_number_of_two_bits": lambda n, _rng: n % 4,

@@ -199,7 +199,7 @@ def test_a_map_that_is_written_down_reads_the_same_lines(line: str) -> None:
         ("force_x[lb],force_y[g],force_z[g]", "force_x: 'lb' is no unit of it; accepted are m/s²"),
         ("force_x[g],force_x[g]", "force_x is there more than once"),
         ("force_x[g],force_y[g]", "force has only x, y"),
-        ("time[ms]", "no column is a rate or a force"),
+        ("time[ms]", "no column is a rate, a force or a latitude"),
         ("force_x(g)", "is no column; accepted is quantity"),
     ],
 )
