@@ -96,6 +96,10 @@ class DeviceClock:
         """Forget the offset, as when the device was lost; the drift stays."""
         self._device = math.nan
 
+    def forget_drift(self) -> None:
+        """Forget the drift: the next times are of another unit."""
+        self._slope, self._pace = 0.0, 1.0
+
     def shift(self, step: float) -> None:
         """Go on with a clock that was set by a step [s]: the mapping of its new times is that of the old."""
         self._device += step

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +74,8 @@ class ImuClock:
         self._waiting: list[tuple[float, Rows]] = []
         self._values: FloatArray | None = None  # times, rates and forces of the last samples
         self._paced: deque[tuple[float, int]] = deque()  # arrivals and numbers of the last samples
-        self._rebase = False  # whether times by number begin
+        self._rebase = False  # whether times by number begin, or get another rate
+        self._pace = Pace()
         self._last_arrival = np.nan
         self._wrapped = 0.0
 
@@ -82,7 +85,21 @@ class ImuClock:
         self.clock.restart()
         self.watch.forget()
         self._paced.clear()
+        self._pace = Pace()
         self._last_arrival, self._wrapped = np.nan, 0.0
+
+    @property
+    def pace(self) -> list[float | None]:
+        """All that a change of the measured rate depends on; `restore` goes on from it."""
+        return [] if self._given_rate else self._pace.state
+
+    def restore(self, counted: Any, pace: Any) -> None:
+        """Go on with a number of samples, and with what shows their rate; what is damaged is left out."""
+        if isinstance(counted, int) and 0 <= counted < 2**53:
+            self.counted = counted
+        known = Pace.restored(pace)
+        if known is not None:
+            self._pace, self._given_rate = known, False
 
     def scale_rates(self, factor: float) -> None:
         """Compare the next samples with those before, whose rates had another unit."""
@@ -176,11 +193,15 @@ class ImuClock:
         self._counting = True
         counter = "by the counter of the device" if self._has_counter else "by the number of samples"
         self.clock.counted = not self._has_counter
-        self.timing = f"{counter} at {self.rate:g} Hz, {'given' if self._given_rate else 'measured'}"
         count = rows["count"].astype(float) if self._has_counter else numbers
+        rate = self.rate if self._given_rate else self._pace.judged(float(count[-1]), self.rate, arrival)
+        if rate != self.rate:
+            self.rate, self._rebase = rate, True
+            self.clock.forget_drift()
         if self._rebase:
-            self.watch.rebase(-1 / self.rate, self.clock)
+            self.watch.rebase((float(count[0]) - 1) / self.rate, self.clock)
             self._rebase = False
+        self.timing = f"{counter} at {self.rate:g} Hz, {'given' if self._given_rate else 'measured'}"
         return self._by_clock(rows, count / self.rate, arrival)
 
     def _by_clock(self, rows: Rows, device: FloatArray, arrival: float) -> Rows:
@@ -218,6 +239,71 @@ class ImuClock:
         self.rate = nominal_rate(usual if abs(usual / measured - 1) < NEAR else measured)
 
 
+class Pace:
+    """Judges the rate by which samples are counted: how late they are must not grow or shrink steadily.
+
+    A sketch that waits 100 ms between samples sends 9.7 a second, and the oscillators of MEMS are 1 or 2 %
+    off. Where samples are lost, those after them are late at once.
+    """
+
+    def __init__(self) -> None:
+        self._heard = math.nan  # last arrival
+        self._begin(math.nan, math.nan)
+
+    def _begin(self, arrival: float, number: float) -> None:
+        self._begun, self._first = arrival, number
+        self._least, self._ends = math.inf, arrival + LIMITS.look  # least delay of a look, and its end
+        self._looked = self._base = math.nan  # end of the first look, and its least delay
+        self._before = math.nan  # least delay of the last look
+        self._largest = 0.0  # change from look to look
+
+    @property
+    def state(self) -> list[float | None]:
+        """All that it depends on."""
+        return [value if math.isfinite(value) else None for value in vars(self).values()]
+
+    @classmethod
+    def restored(cls, state: Any) -> Pace | None:
+        """Return what had a state; None if this is none, as in a damaged or older recording."""
+        new = cls()
+        if not isinstance(state, list) or len(state) != len(vars(new)):
+            return None
+        for name, value in zip(vars(new), state, strict=True):
+            if isinstance(value, int | float) and abs(value) < LIMITS.largest:
+                setattr(new, name, float(value))
+        return new
+
+    def judged(self, number: float, rate: float, arrival: float) -> float:
+        """Return the rate of samples [Hz], another one where the delays contradict it.
+
+        Parameters
+        ----------
+        number
+            Of the last sample.
+        rate
+            The rate so far [Hz].
+        arrival
+            When it arrived [s].
+        """
+        if not arrival - self._heard < max(LIMITS.step, LIMITS.filled / rate):
+            self._begin(arrival, number)  # in a silence, samples may be lost
+        self._heard = arrival
+        self._least = min(self._least, arrival - self._begun - (number - self._first) / rate)
+        if arrival < self._ends:
+            return rate
+        least, self._least, self._ends = self._least, math.inf, arrival + LIMITS.look
+        if math.isnan(self._base):
+            self._looked, self._base, self._before = arrival, least, least
+            return rate
+        self._largest = max(self._largest, abs(least - self._before))
+        self._before = least
+        grown, since = least - self._base, arrival - self._looked
+        if since < COUNTED or not 2 * self._largest < abs(grown) > LIMITS.step:
+            return rate
+        self._begin(arrival, number)
+        return nominal_rate(rate * (1 - grown / since), LIMITS.step / since / 2)
+
+
 USUAL_RATES = (
     1, 2, 4, 5, 8, 10, 20, 25, 40, 50, 60, 100, 104, 119, 120, 125, 128, 150, 160, 200, 208, 238, 240, 250,
     256, 300, 400, 416, 476, 500, 512, 600, 800, 833, 952, 1000, 1024, 1125, 1600, 2000,
@@ -227,7 +313,7 @@ NEAR = 0.03
 """Largest part by which a measured rate may differ from a usual one: over `COUNTED`, at 50 Hz, one sample."""
 
 
-def nominal_rate(measured: float) -> float:
+def nominal_rate(measured: float, near: float = NEAR) -> float:
     """Return the usual rate next to a measured one [Hz], or the measured one if none is near."""
     best = min(USUAL_RATES, key=lambda rate: abs(rate / measured - 1)) if measured > 0 else 0
-    return float(best) if best and abs(best / measured - 1) <= NEAR else measured
+    return float(best) if best and abs(best / measured - 1) <= near else measured

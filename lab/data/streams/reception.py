@@ -171,6 +171,7 @@ class Reception:
             "clock": self.imu.clock.state,
             "watch": self.imu.watch.state,
             "counted": self.imu.counted,
+            "pace": self.imu.pace,
             "found out": self.detector.found_out,
         }
 
@@ -181,9 +182,7 @@ class Reception:
         self.imu.watch.restore(header.get("watch"))
         if header.get("found out") is True:
             self.detector.find_out()
-        number = header.get("counted")
-        if isinstance(number, int) and 0 <= number < 2**53:
-            self.imu.counted = number
+        self.imu.restore(header.get("counted"), header.get("pace"))
 
     def accept(self, chunk: Chunk) -> tuple[Rows, Rows]:
         """Return the timed samples and fixes of bytes that arrived.

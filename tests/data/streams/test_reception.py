@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -17,6 +18,7 @@ from lab.data.protocols.samples import FIX, IMU, Samples
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.imu_clock import nominal_rate
 from lab.data.streams.reception import Reception
+from lab.data.streams.recorded_log import reception_of
 from lab.data.streams.transport import Chunk
 
 HOST = 5000.0
@@ -144,6 +146,54 @@ def test_samples_are_counted_where_the_device_has_no_clock() -> None:
     given = Reception(columns=columns, rate=100.0)
     received(given, lines)
     assert given.imu.timing.endswith("given")
+
+
+def counted_lines(rate: float, seconds: float, busy: float = 0.0, seed: int = 1) -> list[Chunk]:
+    """Return lines without a time; the host is late by a random delay of this mean [s]."""
+    rng = np.random.default_rng(seed)
+    sent = motion(int(rate * seconds))
+    due = HOST + np.arange(len(sent)) / rate
+    arrival = np.maximum.accumulate(due + busy * rng.standard_exponential(len(sent)))
+    return [
+        Chunk(float(when), ",".join(f"{x:.6f}" for x in (*row["rate"], *row["force"])).encode() + b"\n")
+        for when, row in zip(arrival, sent, strict=True)
+    ]
+
+
+RATES_OF_TEXT = "rate_x[rad/s],rate_y[rad/s],rate_z[rad/s],force_x[m/s²],force_y[m/s²],force_z[m/s²]"
+
+
+@pytest.mark.parametrize(("rate", "busy"), [(98.5, 0.0), (19.5, 0.005), (204.0, 0.01), (100.0, 0.05)])
+def test_a_device_near_a_usual_rate_is_counted_at_its_own(rate: float, busy: float) -> None:
+    """Its first two seconds cannot tell 98.5 Hz from 100 Hz; the minute after them can."""
+    reception = Reception(columns=RATES_OF_TEXT)
+    imu, _ = received(reception, counted_lines(rate, 60.0, busy))
+    assert not imu["gap"][1:].any()
+    assert reception.imu.rate == pytest.approx(rate, rel=2e-3)
+    late = imu["time"] - HOST - np.arange(len(imu)) / rate
+    assert np.abs(late[len(imu) // 2 :]).max() < 0.1
+    assert np.diff(imu["time"])[len(imu) // 2 :] == pytest.approx(1 / rate, rel=0.01)
+
+
+@pytest.mark.parametrize("begin", [2.5, 10.0, 40.0])
+def test_a_recording_that_begins_later_changes_the_rate_as_the_stream_did(begin: float) -> None:
+    stream = counted_lines(98.5, 60.0, 0.005)
+    first = [chunk for chunk in stream if chunk.arrival < HOST + begin]
+    reception = Reception(columns=RATES_OF_TEXT)
+    received_before = [reception.accept(chunk)[0] for chunk in first]
+    assert sum(map(len, received_before)) > 200 * (begin > 2.5)
+    goes_on = reception_of(json.loads(json.dumps(reception.header)))
+    goes_on.accept(Chunk(first[-1].arrival, b"\n"))  # the lines that follow are whole
+    for chunk in stream[len(first) :]:
+        assert goes_on.accept(chunk)[0]["time"].tobytes() == reception.accept(chunk)[0]["time"].tobytes()
+
+
+def test_lost_samples_of_a_counted_stream_are_no_other_rate() -> None:
+    stream = counted_lines(100.0, 60.0)
+    reception = Reception(columns=RATES_OF_TEXT)
+    imu, _ = received(reception, [*stream[:3000], *stream[3060:]])
+    assert reception.imu.rate == 100.0
+    assert np.flatnonzero(imu["gap"][1:]).size == 1
 
 
 @pytest.mark.parametrize(
