@@ -6,6 +6,7 @@ import gc
 import os
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 # Before numpy is imported. The threads of one small product wait for each other in a loop: beside a second
 # process, fits of an Allan deviation took seven to twenty times the CPU time that one thread needs.
@@ -29,9 +30,12 @@ os.environ.pop("COLUMNS", None)
 
 ROOT = Path(__file__).parent.parent
 
-LONGEST_FIRST = ("browser", "navigation", "dashboards", ".", "analysis", "sensors", "cli", "security")
+LONGEST_FIRST = ("browser", "security", "navigation", "dashboards", ".", "analysis", "sensors", "cli")
 """Folders of tests with files that take minutes, or tests that take one: begun last, such a file is still
 running when the other processes have nothing left to do."""
+PROCESSES = {"browser": 2, "security": 1}
+"""In how many processes at most the files of a folder run: they share servers, and a browser with a page,
+which each process starts for itself, 10 to 20 s of a processor."""
 
 
 @pytest.hookimpl(wrapper=True)
@@ -47,6 +51,31 @@ def pytest_collection(session: pytest.Session) -> Generator[None, object, object
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Return what gives the processes whole files, and of some folders all files of a process at once."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        """Gives a process a file, or its part of the files of a folder."""
+
+        def __init__(self) -> None:
+            super().__init__(config, log)
+            self.files: dict[str, list[str]] = {folder: [] for folder in PROCESSES}
+
+        def _split_scope(self, nodeid: str) -> str:
+            file: str = super()._split_scope(nodeid)
+            folder = Path(file).parent.name
+            if folder not in PROCESSES:
+                return file
+            files = self.files[folder]
+            if file not in files:
+                files.append(file)
+            return f"{folder} {files.index(file) % PROCESSES[folder]}"
+
+    return Scheduling() if config.getvalue("dist") == "loadfile" else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
