@@ -13,7 +13,13 @@ from dashboards.widgets import SETTING
 PAPER = 1040
 """Widest page that browsers make small enough for upright paper [px]."""
 
-LOST = """
+CUT_UPLOAD = "ins-lab-cut-upload"
+"""Name under which a browser stores which files had not arrived when the connection was lost."""
+
+LOST = (
+    f"""
+const CUT_UPLOAD = "{CUT_UPLOAD}";"""
+    + """
 const id = "ins-lab-lost-connection";
 const TRIES = "ins-lab-tries";
 const [FIRST, LONGEST, OFTEN] = [1000, 60000, 120000];
@@ -54,9 +60,14 @@ if (document.getElementById(id) === null) {
     + "This page comes back by itself once the server answers, with its settings, its tab and "
     + "the solved steps of lessons.");
   box.id = id;
+  const buttons = Array.from(Bokeh.index.query(() => true), (view) => view.shadow_el?.querySelector("label"));
+  const is_sending = (one) => one?.querySelector("[type=file]") && one.querySelector("[role=progressbar]");
+  const sending = buttons.find(is_sending);
+  if (sending) window.sessionStorage.setItem(CUT_UPLOAD, sending.innerText.trim().replace(/^\\S+ /, ""));
   come_back(tries());
 }
 """
+)
 """Says so above all else; loads the page again once a server answers.
 
 A server discards a page without a connection, so only a new one reacts. A server without the address
@@ -79,28 +90,38 @@ window.addEventListener("afterprint", () => sizes.forEach((name) => page.removeP
 """Prints a page as large as it is: a browser paints no plot anew for paper, but makes the page smaller."""
 
 
-READY = """
+READY = f"""
 window.insLabReady = true;
 window.dispatchEvent(new Event("ins-lab-ready"));
+const lost = window.sessionStorage.getItem("{CUT_UPLOAD}");
+window.sessionStorage.removeItem("{CUT_UPLOAD}");
+if (lost) {{
+  const words = `The connection was lost before the upload of ${{lost}} was complete. Please upload again.`;
+  window.insLabAlert(words, "Close", (box) => box.remove());
+}}
 """
-"""Says that the server hears of changes from now on; see ``history_bar.js``."""
+"""Says that the server hears of changes from now on, see ``history_bar.js``, and which upload was cut."""
 
 COVER = """
 const models = [...Bokeh.documents[0].all_models];
 const stage = models.find((one) => one.name === "page stage");
-const cover = () => {
-  const [{el}] = Array.from(Bokeh.index.query((view) => view.model === stage));
-  const {change} = stage.properties.children;
-  const arrive = () => { change.disconnect(arrive); delete el.dataset.waiting; };
-  el.dataset.waiting = "Drawing …";
-  change.connect(arrive);
-};
 const tabs = models.find((one) => one.data?.name === "page tabs");
 const parts = models.find((one) => one.css_classes?.includes?.("page-parts"));
-tabs.data.properties.active.change.connect(cover);
-parts.data.properties.value.change.connect(cover);
+const place_of = (wanted) => Array.from(Bokeh.index.query(({model}) => model === wanted))[0].el;
+const cover = (...left) => {
+  const el = place_of(stage);
+  const {change} = stage.properties.children;
+  const show = (visibility) => { for (const one of left) place_of(one).style.visibility = visibility; };
+  const arrive = () => { change.disconnect(arrive); delete el.dataset.waiting; show(""); };
+  el.dataset.waiting = "Drawing …";
+  show("hidden");
+  change.connect(arrive);
+};
+tabs.data.properties.active.change.connect(() => cover(parts));
+parts.data.properties.value.change.connect(() => cover());
 """
-"""Covers the page that one leaves at once, until the next one comes: the server may be at work."""
+"""Covers the page that one leaves at once, with the parts of its tab, until the next one comes: the server
+may be at work."""
 
 STALE = f"""
 const bokeh = Bokeh.documents[0];

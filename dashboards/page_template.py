@@ -44,7 +44,7 @@ A panel of a tab hears the keys of the page, as Space; see ``history_bar.js``.
 """
 
 ALERT = """
-window.insLabAlert = (words) => {
+window.insLabAlert = (words, label = "Reload", act = () => window.location.reload()) => {
   const box = document.createElement("div");
   box.setAttribute("role", "alert");
   Object.assign(box.style, {
@@ -54,12 +54,12 @@ window.insLabAlert = (words) => {
   });
   box.append(words);
   const button = document.createElement("button");
-  button.append("Reload");
+  button.append(label);
   Object.assign(button.style, {
     padding: "6px 14px", border: 0, borderRadius: "4px", background: "#ffffff", color: "#8c1d18",
     font: "inherit", cursor: "pointer",
   });
-  button.addEventListener("click", () => window.location.reload());
+  button.addEventListener("click", () => act(box));
   box.append(button);
   document.body.append(box);
   box.popover = "manual";
@@ -67,7 +67,7 @@ window.insLabAlert = (words) => {
   return box;
 };
 """
-"""Shows a line above all else, the open settings of a phone too, with a button that loads the page again."""
+"""Shows a line above all else, the open settings of a phone too, with a button: it loads the page again."""
 
 SHIMS, WEB_GL = "/es-module-shims.min.js", "/bokeh-gl.min.js"
 """Scripts that Panel has every page load and none of the laboratory needs: browsers import modules by

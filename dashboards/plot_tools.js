@@ -44,7 +44,11 @@ function fit(view) {
   const whole = parts.join(BETWEEN)
   const is_narrow = ruler.measureText(whole).width > room
   const text = is_narrow ? [parts[0], parts.slice(1).join(BETWEEN)].filter(Boolean).join("\n") : whole
-  if (text !== title.text) title.setv({text}, {sync: false})
+  if (text === title.text) return
+  view.pause()  // or Bokeh paints a second line outside its canvas, before it makes room
+  title.setv({text}, {sync: false})
+  view.unpause(true)
+  view.request_layout(true)
 }
 
 // One finger scrolls the page; across a plot that shows a stretch of time, as after a pinch, it moves along the time. To

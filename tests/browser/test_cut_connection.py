@@ -93,6 +93,28 @@ def test_what_compare_computes_goes_on_after_a_cut(chromium: Browser, address: s
     page.context.close()
 
 
+def test_an_upload_that_is_cut_is_named_once_the_page_is_back(chromium: Browser, address: str) -> None:
+    page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
+    wire = Wire(page)
+    page.goto(f"{address}?mission=los_angeles&trajectory.imu_rate=50&beside=Missions")
+    wait_for(page, WHOLE)
+    page.get_by_role("button", name="Import", exact=True).click()
+    wire.lose()
+    page.locator("input[type=file][multiple]").set_input_files(
+        {"name": "my drive.csv", "mimeType": "text/csv", "buffer": b"time,x\n"}
+    )
+    expect(page.get_by_text("Uploading my drive.csv")).to_be_visible()
+    wire.cut()
+    alert = page.get_by_role("alert").filter(has_text="the upload of my drive.csv was complete")
+    expect(alert).to_be_visible()
+    alert.get_by_role("button", name="Close").click()
+    expect(alert).to_have_count(0)
+    wire.cut()
+    wait_for(page, WHOLE)
+    expect(alert).to_have_count(0)
+    page.context.close()
+
+
 def test_a_page_whose_connection_is_refused_says_why_it_is_empty(chromium: Browser, address: str) -> None:
     page = new_context(chromium).new_page()
     page.route_web_socket(re.compile("/ws"), lambda route: route.close(code=1008))

@@ -29,10 +29,13 @@ COVERED = """
     (one.dataset?.waiting && ![...one.shadowRoot.children].some(isSeen)) ||
     (one.shadowRoot && inside(one.shadowRoot)));
   window.covered = [];
-  document.addEventListener("click", () => setTimeout(() => window.covered.push(inside(document)), 0), true);
+  const parts = Array.from(Bokeh.index.query(({model}) => model.css_classes?.includes("page-parts")))[0];
+  const note = () => window.covered.push([inside(document), getComputedStyle(parts.el).visibility]);
+  document.addEventListener("click", () => setTimeout(note, 0), true);
 }
 """
-"""Notes after each click whether the page that one leaves is covered, in the turn of the browser after it."""
+"""Notes after each click whether the page that one leaves is covered, in the turn of the browser after it,
+and whether its parts are seen beside the tab."""
 LOCATION = "Bokeh.documents[0].get_model_by_name('time cursor')?.location"
 
 
@@ -61,7 +64,7 @@ def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(sha
     page.evaluate(COVERED)
     page.get_by_role("tab", name="Sensors", exact=True).click()
     wait_for(page, "window.covered.length === 1")
-    assert page.evaluate("window.covered[0]")
+    assert page.evaluate("window.covered[0]") == [True, "hidden"]
     page.get_by_role("button", name="Cards", exact=True).click()  # another part of it may have been open last
     expect(page.get_by_text("Sensors in use")).to_be_visible()
 
