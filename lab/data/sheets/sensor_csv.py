@@ -305,8 +305,7 @@ def _oriented_log(
     is_signed = named or sheet.signed or not is_phone
     level = vehicle_of(vehicle).stays_level
     words = {one.headings[0].sensor for one in (imu.gyro, imu.accelerometer)} & {*OF_DIRECTIONS}
-    by_words = words if OF_DIRECTIONS[1] in words else frozenset()
-    return oriented(imu.samples, with_fixes(gnss), axes, is_phone, is_signed, shown, level, by_words)
+    return oriented(imu.samples, with_fixes(gnss), axes, is_phone, is_signed, shown, level, words)
 
 
 def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:

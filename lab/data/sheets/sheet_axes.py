@@ -91,8 +91,8 @@ def oriented(
     level
         Whether the vehicle is level on average; a rocket stands on its tail.
     by_words
-        Which of `OF_DIRECTIONS` the sensors are, if headings name the directions of accelerometers, such as
-        lateral: their signs are then open, and those of gyros too if these are named so.
+        Which of `OF_DIRECTIONS` the sensors are: the signs of what is named by a direction, such as lateral
+        or yaw, are open. Gyros beside accelerometers with axes are taken as they are if the motion allows it.
 
     Raises
     ------
@@ -107,11 +107,12 @@ def oriented(
         )
     judged = shown or build
     signs = ""
-    if by_words:
-        samples, signs = _in_signs_of_motion(
-            samples, judged, phone, level, gyros=OF_DIRECTIONS[0] in by_words
-        )
+    if OF_DIRECTIONS[1] in by_words:
+        samples, signs = _in_signs_of_motion(samples, judged, phone, level, by_words)
     passed, refused = _tried(samples, judged, phone, level)
+    if not passed and by_words == {OF_DIRECTIONS[0]}:
+        samples, signs = _in_signs_of_motion(samples, judged, phone, level, by_words)
+        passed = _tried(samples, judged, phone, level)[0] if signs else passed
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
     if not passed:
         agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone, level)[0][:1])
@@ -132,7 +133,11 @@ def oriented(
 
 
 def _in_signs_of_motion(
-    samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool, level: bool, *, gyros: bool
+    samples: FloatArray,
+    build: Callable[[FloatArray], SensorLog],
+    phone: bool,
+    level: bool,
+    by_words: AbstractSet[str],
 ) -> tuple[FloatArray, str]:
     """Return samples in the signs of lateral force and gyros that the motion shows, and a sentence on them.
 
@@ -149,7 +154,12 @@ def _in_signs_of_motion(
         return float(np.mean([matches.misfit(at, rates, forces) for at in range(len(matches.windows))]))
 
     handed = ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0))
-    open_signs = (one for one in product((1.0, -1.0), repeat=4) if gyros or one[:3] in handed)
+    gyros, forces = (name in by_words for name in OF_DIRECTIONS)
+    open_signs = (
+        one
+        for one in product((1.0, -1.0), repeat=4)
+        if (gyros or one[:3] in handed) and (forces or one[3] > 0)
+    )
     tried = sorted((misfit(one), one) for one in open_signs)
     fitting = [one for one in tried if one[0] < limits.LOG.gyro_misfit]
     turned = [(left, np.array((*one[:3], 1.0, one[3], 1.0))) for left, one in fitting]

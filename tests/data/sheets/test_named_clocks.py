@@ -68,6 +68,26 @@ def test_the_motion_shows_to_which_side_a_racing_logger_counts(tmp_path, signs):
     np.testing.assert_allclose(np.column_stack(log.rates)[-9:], imu[-9:, 1:], atol=1e-4)
 
 
+@pytest.mark.parametrize("signs", [(1, 1, 1), (1, 1, -1), (-1, -1, -1), (1, -1, -1)])
+def test_the_motion_shows_to_which_side_gyros_count_that_are_named_by_angles(tmp_path, signs):
+    """RaceCapture has axes of accelerometers, and yaw, pitch and roll in °/s, to a side that none names."""
+    made = tables(30, 90)
+    imu, gnss = made.imu[::2], made.gnss
+    fix = np.clip(np.searchsorted(gnss[:, 0], imu[:, 0], side="right") - 1, 0, None)
+    header = '"Utc"|"ms"|0|0|1' + "".join(
+        f',"{name}"|"{unit}"|-9|9|50' for name, unit in (
+            ("AccelX", "G"), ("AccelY", "G"), ("AccelZ", "G"), ("Roll", "Deg/Sec"), ("Pitch", "Deg/Sec"),
+            ("Yaw", "Deg/Sec"), ("Latitude", "Degrees"), ("Longitude", "Degrees"), ("Altitude", "m"),
+            ("Speed", "mph"), ("Bearing", "Degrees")))  # fmt: skip
+    speed, course = np.hypot(*gnss[:, 4:6].T), np.degrees(np.arctan2(gnss[:, 5], gnss[:, 4])) % 360
+    place = np.column_stack((gnss[:, 1:4], speed / 0.44704, course))[fix]
+    rate = np.degrees(imu[:, 1:4]) * signs
+    rows = np.column_stack((1000 * imu[:, 0], imu[:, 4:] / STANDARD_GRAVITY, rate, place))
+    log = read_log([table(tmp_path / "race.log", header, rows)])
+    np.testing.assert_allclose(np.column_stack(log.rates)[-9:], imu[-9:, 1:], atol=1e-4)
+    assert any("count to the other side" in one for one in log.repairs) == (signs != (1, 1, 1))
+
+
 @pytest.mark.parametrize(
     ("text", "quantity", "axis"),
     [
