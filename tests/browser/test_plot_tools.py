@@ -15,6 +15,7 @@ from tests.browser.conftest import DRAWN, ERRORS, new_context, show, wait_for
 pytestmark = pytest.mark.browser
 
 CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor')"
+OVERVIEW = "Bokeh.documents[0].get_model_by_name('time:overview_position')"
 EAST = "Bokeh.documents[0].get_model_by_name('time:position_east').data"
 
 NEAR = """(data, time) => {
@@ -102,20 +103,21 @@ def test_values_legend_and_events_follow_what_is_shown(open_page: Callable[..., 
     expect(page.get_by_role("table", name="Values at the time cursor")).to_contain_text(
         "Height above the ellipsoid, estimate"
     )
+    _the_sigma_of_a_length_is_a_third_of_its_bound(page, time)
 
 
-def test_the_sigma_of_a_length_is_a_third_of_its_bound(open_page: Callable[..., Page]) -> None:
-    page = open_page("?mission=los_angeles&trajectory.imu_rate=50&tab=Overview&time=30", drawn=False)
-    wait_for(page, f"{CURSOR}?.location === 30")
+def _the_sigma_of_a_length_is_a_third_of_its_bound(page: Page, time: float) -> None:
+    """Expect it on the Overview, beside a cursor at a time [s], where the table of values is shown."""
+    show(page, "Overview")
+    wait_for(page, f"{OVERVIEW}?.data.time?.length > 100 && {CURSOR}?.location === {time}")
     expect(page.get_by_role("group", name="Legend").get_by_text("3σ of the filter")).to_have_count(1)
-    page.keyboard.press("v")
     row = page.get_by_role("table", name="Values at the time cursor").get_by_role("row").nth(1)
     expect(row.get_by_role("rowheader")).to_have_text("Horizontal position error")
-    high = page.evaluate("""() => {
-      const {data} = Bokeh.documents[0].get_model_by_name("time:overview_position");
-      const far = Array.from(data.time, (time) => Math.abs(time - 30));
+    high = page.evaluate(f"""() => {{
+      const {{data}} = {OVERVIEW};
+      const far = Array.from(data.time, (time) => Math.abs(time - {time}));
       return data.overview_position_band_high[far.indexOf(Math.min(...far))];
-    }""")
+    }}""")
     assert float(row.get_by_role("cell").nth(1).inner_text()) == pytest.approx(high / 3, rel=5e-3)
 
 
