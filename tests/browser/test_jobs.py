@@ -22,7 +22,7 @@ def click_all(*wanted: Locator) -> None:
         one.click()
 
 
-def test_a_filter_that_trusts_itself_too_much_is_mended_in_two_clicks_on_any_tab(
+def test_a_filter_that_trusts_itself_too_much_is_mended_and_a_report_is_there_in_two_clicks_on_any_tab(
     open_page: Callable[..., Page],
 ) -> None:
     query = "?mission=los_angeles&trajectory.imu_rate=50&navigator.q_scale=0.1&tab=Overview"
@@ -35,11 +35,6 @@ def test_a_filter_that_trusts_itself_too_much_is_mended_in_two_clicks_on_any_tab
         undo = page.get_by_role("button", name=re.compile("^Undo: .*Q scale 0.1 →"))
         expect(undo).to_be_visible()
         undo.click()
-
-
-def test_a_report_is_there_after_two_clicks(open_page: Callable[..., Page]) -> None:
-    page = open_page("?mission=los_angeles&trajectory.imu_rate=50&tab=Overview", drawn=False)
-    expect(page.get_by_role("button", name="● Consistent")).to_be_visible()
     with page.expect_download() as download:
         click_all(
             page.get_by_role("button", name="Share", exact=True),
