@@ -6,6 +6,7 @@ import ast
 import io
 import tokenize
 from collections.abc import Callable, Iterator
+from itertools import zip_longest
 from pathlib import Path
 
 import pytest
@@ -60,23 +61,28 @@ def constant_names(statement: ast.stmt) -> list[str]:
 def undocumented(source: str) -> list[str]:
     """Return the numeric constants of a module with neither docstring nor comment, with their lines."""
     body = ast.parse(source).body
-    commented = {
-        token.start[0]
-        for token in tokenize.generate_tokens(io.StringIO(source).readline)
-        if token.type == tokenize.COMMENT and not token.string.lstrip("# ").startswith(DIRECTIVES)
-    }
-    found = []
-    for place, statement in enumerate(body):
-        following = body[place + 1] if place + 1 < len(body) else None
+    without = []
+    for statement, following in zip_longest(body, body[1:]):
         explained = (
             isinstance(following, ast.Expr)
             and isinstance(following.value, ast.Constant)
             and isinstance(following.value.value, str)
         )
-        lines = range(statement.lineno - 1, (statement.end_lineno or statement.lineno) + 1)
-        if not explained and commented.isdisjoint(lines):
-            found += [f"line {statement.lineno}: {name}" for name in constant_names(statement)]
-    return found
+        if not explained and (names := constant_names(statement)):
+            without.append((statement, names))
+    if not without:
+        return []  # comments, which take longer to find than statements, are needed by few files
+    commented = {
+        token.start[0]
+        for token in tokenize.generate_tokens(io.StringIO(source).readline)
+        if token.type == tokenize.COMMENT and not token.string.lstrip("# ").startswith(DIRECTIVES)
+    }
+    return [
+        f"line {statement.lineno}: {name}"
+        for statement, names in without
+        if commented.isdisjoint(range(statement.lineno - 1, (statement.end_lineno or statement.lineno) + 1))
+        for name in names
+    ]
 
 
 def by_file(check: Callable[[str], list[str]], paths: list[Path]) -> dict[str, list[str]]:
