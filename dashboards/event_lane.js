@@ -80,8 +80,8 @@ export function render({model}) {
   const show = () => {
     const {duration} = model.shown
     const notes = model.notes.map(([start, end, text], number) => ["note", start, end, text, number])
-    // A short event stands before a long one.
-    const events = [...model.shown.events, ...notes].sort((one, other) => other[2] - other[1] - (one[2] - one[1]))
+    const events = [...model.shown.events, ...notes].sort(([, start], [, other]) => start - other)
+    const lengths = events.map(([, start, end]) => end - start)
     hush()
     lane.replaceChildren(...events.map((event, index) => {
       const [kind, start, end, text, note] = event
@@ -93,6 +93,7 @@ export function render({model}) {
       button.setAttribute("aria-label", button.title)
       button.style.left = `min(${100 * start / duration}%, 100% - ${SMALLEST}px)`
       button.style.width = `max(${SMALLEST}px, ${100 * (end - start) / duration}%)`
+      button.style.zIndex = lengths.filter((length) => length > end - start).length  // a short one is before a long one
       button.addEventListener("click", () => {
         ask({time: start})
         if (note === undefined) say(button)
@@ -107,7 +108,7 @@ export function render({model}) {
   }
   lane.addEventListener("keydown", (event) => {
     const step = {ArrowRight: 1, ArrowLeft: -1}[event.key]
-    const all = [...lane.children].sort((one, other) => one.offsetLeft - other.offsetLeft)
+    const all = [...lane.children]
     const from = all.findIndex((one) => one.matches(":focus"))
     if (!step || from < 0) return
     event.preventDefault()

@@ -86,7 +86,7 @@ def label_of(declaration: param.Parameter) -> str:
 def placeholder_of(declaration: param.Parameter) -> str:
     """Return what an empty field shows."""
     if isinstance(declaration, Intervals):
-        return "none, or such as 60–75, 120–130"
+        return "none, or stretches such as 60–75, 120–130"
     if follows(declaration):
         return FOLLOWS
     return str(declaration.unset) if isinstance(declaration, QuantityOrNone) else ""

@@ -110,7 +110,7 @@ class HeldLinks:
                     "It was ignored."
                 )
                 continue
-            problems += [f"Of a held result: {sentence}" for sentence in wrong[:1]]
+            problems += [f"A held result in the link: {sentence}" for sentence in wrong[:1]]
             self._waiting.append((experiment, name or name_of(experiment, self._session.shows_sigmas)))
         self._shown()
         return problems

@@ -42,6 +42,8 @@ function fit(view) {
   ruler.font = `${title.text_font_style} ${size}px ${title.text_font}`
   const room = view.bbox.width - view.frame.bbox.left - (FINGERS.matches ? DOTS_WIDTH : 0)
   const whole = parts.join(BETWEEN)
+  view.el.setAttribute("role", "figure")  // all that a reader of a canvas hears of it
+  view.el.setAttribute("aria-label", whole)
   const is_narrow = ruler.measureText(whole).width > room
   const text = is_narrow ? [parts[0], parts.slice(1).join(BETWEEN)].filter(Boolean).join("\n") : whole
   if (text === title.text) return

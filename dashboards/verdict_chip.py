@@ -289,7 +289,7 @@ def card_html(verdict: Verdict, *, tried: bool) -> str:
     parts = [f"<h2>{escape(as_seen(verdict.headline))}</h2>"]
     for number, finding in enumerate(verdict.findings):
         sentence = f"{escape(as_seen(finding.sentence))} " if number else ""
-        counsel = "The advice is being tried." if finding.changes and not tried else finding.counsel
+        counsel = "Trying the advice …" if finding.changes and not tried else finding.counsel
         parts.append(
             f"<p>{sentence}{escape(as_seen(counsel))}</p>"
             f'<p class="quiet">Evidence: {escape(finding.evidence)}</p>'

@@ -58,7 +58,7 @@ NOW = "Now"
 MEAN = "Mean of"
 SEEDS = 20
 MOST_SEEDS = 1000
-OLD = "These are of earlier settings."
+OLD = "These rows belong to earlier settings."
 STOPPED = Assessment(verdict="Stopped.")
 
 
@@ -295,7 +295,7 @@ class Compare(ComputedPage):
         self._stop.param.update(visible=self._stopped, label="Go on")
         if self._table.styles == PALE:
             return OLD
-        relative = f"Percent are relative to {escape(str(self._baseline.value))}."
+        relative = f"Percentages are relative to {escape(str(self._baseline.value))}."
         return "" if self._is_alone else f"The best value of a column is bold. {relative}"
 
     def _write(self, result: Result | None) -> None:

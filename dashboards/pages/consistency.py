@@ -291,7 +291,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
 
 def _advice(finding: Finding, *, tried: bool) -> str:
     if finding.changes and not tried:
-        return "The advice is being tried."
+        return "Trying the advice …"
     return _bold(finding.counsel)
 
 

@@ -164,7 +164,7 @@ class Numbers(OwnPage):
     def _log(name: str) -> LogMission:
         found = missions().get(name)
         if not isinstance(found, LogMission):
-            raise MissionError(f"{name}: is no log among the missions")
+            raise MissionError(f"{name}: is not a log among the missions")
         return found
 
     def _seen(self, text: str) -> str:

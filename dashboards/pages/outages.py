@@ -27,7 +27,7 @@ PRESENT, EVERY = "Present settings", "All cards"
 SEEDS, MOST_SEEDS = 100, 1000
 LONGEST = 3600.0
 """Longest outage that the page offers [s]."""
-OLD = "This table is of earlier settings; Run makes it anew."
+OLD = "This table belongs to earlier settings. Press Run to compute it again."
 PALE, PLAIN = {"opacity": "0.45"}, {"opacity": "1"}
 """Styles of what is of earlier settings, and of what is not; a browser keeps a style that is taken away."""
 _STYLE = "p { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 6px 0; opacity: .85; }"
@@ -153,7 +153,7 @@ class Outages:
     def _cancel(self) -> None:
         self._work.cancel()
         self._stop.visible = False
-        self._say("Stopped. What is shown is of the runs that were done; Run goes on.")
+        self._say("Stopped. The table shows the runs that were done. Press Run to continue.")
 
     def _attempt(self, plan: Plan, progress: Progress) -> Outcome:
         def tell(stage: str, fraction: float) -> None:

@@ -29,8 +29,9 @@ gyro zero-rate offset = 0.5 dps
 accelerometer noise = 1.2 mg rms in 100 Hz
 accelerometer bias stability = 36 ug"""
 WORDS = (
-    "<h3>A card of a data sheet</h3><p>One number a line, in the words and units of the sheet. What it lacks "
-    "is typical of the grade, or zero for <i>own</i>; a number far beyond all sensors is refused.</p>"
+    "<h3>A card from a datasheet</h3><p>Write one number per line, in the words and units of the datasheet. "
+    "Missing numbers are typical of the grade, or zero for <i>own</i>. A number far outside the range of all "
+    "sensors is refused.</p>"
 )
 
 

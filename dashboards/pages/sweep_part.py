@@ -146,7 +146,7 @@ class SweepPart:
         if not key:
             self.figure[:] = []
         elif of != key:
-            self.figure[:] = [_words("The sweep is stopped." if stopped else "The sweep is computed …")]
+            self.figure[:] = [_words("The sweep is stopped." if stopped else "Computing the sweep …")]
         elif sweep is None:
             self.figure[:] = [_words(as_seen(problem))]
         else:

@@ -91,8 +91,8 @@ def inside(ensemble: Ensemble) -> str:
     explained = " and ".join(f"{_by_chance(part)} ({name})" for name, part in parts.items())
     return (
         f"After {SETTLED:g} s, the average over the runs is in its 95 % interval at {shares} of the fixes. "
-        f"Of the fixes outside, chance explains {explained}: it puts 5 % of all there in the mean, but more "
-        "or fewer in one flight, because neighbouring fixes share their errors."
+        f"Of the fixes outside, chance explains {explained}. Chance puts 5 % of all fixes there on average; "
+        "in one flight, it puts more or fewer there, because neighbouring fixes share their errors."
     )
 
 

@@ -213,8 +213,9 @@ def observed(update: xr.Dataset) -> list[str]:
             joint = " now," if part * NOT_OBSERVED > 1 else " of"
             text = f"σ {number(now[at])} {units[at]}{joint} {number(start[at])} {units[at]} at the start"
         else:
-            text = f"σ along it is {100 * part:.0f} % of its value at the start"
-        found.append(f"{' with '.join(said(names[at]) for at in parts)}: {text}")
+            text = f"σ in this direction is {100 * part:.0f} % of that at the start"
+        first, *others = (said(names[at]) for at in parts)
+        found.append(f"{first}{' with ' if others else ''}{', '.join(others)}: {text}")
     more = len(found) - MOST
     return found[:MOST] + ([f"and {more} more"] if more > 0 else [])
 
@@ -225,9 +226,9 @@ def update_html(update: xr.Dataset) -> str:
     lines = "".join(f"<dt>{escape(left)}</dt><dd>{escape(right)}</dd>" for left, right in equations(update))
     items = "".join(f"<li>{escape(one)}</li>" for one in observed(update))
     words = (
-        f"<p>Not observed yet; σ is hardly smaller than at the start:</p><ul>{items}</ul>"
+        f"<p>Not observed yet, because at least 90 % of σ at the start is left:</p><ul>{items}</ul>"
         if items
-        else "<p>All directions are observed: σ is below 90 % of its value at the start.</p>"
+        else "<p>All directions are observed: less than 90 % of σ at the start is left.</p>"
     )
     return (
         f"<section><h3>The update</h3><dl>{lines}</dl></section>"

@@ -38,8 +38,9 @@ ABOUT = (
     "hides its curve."
 )
 ABOUT_TABLE = (
-    "Errors at the end of the outage. CEP: half of the outages stay below it. With a confidence of 95 %, the "
-    "interval holds the 95 % of any number of runs. Honest: so does what the filter believes of its errors."
+    "Errors at the end of the outage. CEP: half of the errors are smaller. The interval contains the 95 % "
+    "value of endlessly many runs with a confidence of 95 %. Honest: it also contains the filter's own 95 % "
+    "value."
 )
 
 

@@ -122,7 +122,7 @@ def sensor_html(card: Card) -> str:
     ]
     head = "".join(f"<th {_LEFT_CELL}>{title}</th>" for title in ("setting", "value", "source"))
     absent = [f"{group}: {', '.join(labels).lower()}" for group, labels in card.missing().items() if labels]
-    rest = f"<p>Neither given nor assumed, and off: {escape('; '.join(absent))}.</p>" if absent else ""
+    rest = f"<p>Off, because they have no number: {escape('; '.join(absent))}.</p>" if absent else ""
     return (
         f"<h4>{escape(card.name)}, {escape(card.grade)} grade, {escape(card.maker)}</h4>"
         f"{f'<p>{escape(card.note)}</p>' if card.note else ''}"

@@ -58,6 +58,8 @@ def test_outages_are_run_refused_and_turn_pale(open_page: Callable[..., Page]) -
     noise = page.get_by_role("textbox", name="White noise [°/s/√Hz]")
     noise.fill("0.2")
     noise.press("Enter")
-    expect(page.get_by_text("This table is of earlier settings; Run makes it anew.")).to_be_attached()
+    expect(
+        page.get_by_text("This table belongs to earlier settings. Press Run to compute it again.")
+    ).to_be_attached()
     page.set_viewport_size({"width": 1440, "height": 900})
     eventually(page, lambda: page.evaluate(f"innerWidth === 1440 && {WIDE} <= 1440"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -81,6 +82,15 @@ def test_each_plot_gives_pictures_numbers_and_a_link(open_page: Callable[..., Pa
 def test_values_legend_and_events_follow_what_is_shown(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&trajectory.imu_rate=50&sensors.gps.outages=[[30,40]]")
     lane = page.get_by_role("toolbar", name="Events of the flight")
+    starts = [
+        float(re.findall(r"[\d.]+", name)[0])
+        for name in lane.get_by_role("button").evaluate_all("(all) => all.map((one) => one.ariaLabel)")
+    ]
+    assert starts == sorted(starts)  # as a screen reader, and Tab, go through them
+    assert len(starts) > 4
+    expect(
+        page.get_by_role("figure", name=re.compile(r"^Position error, east \[m\].*rms .* in 3σ$"))
+    ).to_be_visible()
     lane.get_by_role("button", name="Outage: 30.0 s to 40.0 s").click()
     wait_for(page, f"{CURSOR}.location === 30")
     legend = page.get_by_role("group", name="Legend")

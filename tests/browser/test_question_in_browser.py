@@ -38,7 +38,7 @@ def test_a_button_gives_all_samples_that_are_drawn_the_other_unit(visited: tuple
     page.get_by_role("combobox").filter(has_text="Simulated device").click()
     page.get_by_role("menuitem", name=source).click()
     page.get_by_role("button", name="Connect", exact=True).click()
-    question = page.get_by_text("The unit of the angular rates is not known")
+    question = page.get_by_text("The unit of the angular rates is unknown")
     expect(question).to_be_visible(timeout=60_000)
     expect(page.locator(".MuiAlert-colorWarning:visible")).to_have_count(1)
     wait_for(page, f"{RATES}.time.length > 60")

@@ -113,7 +113,7 @@ def test_what_cannot_be_used_is_said_and_the_numbers_stay(walk: Walk, library: P
             part(walk)._still.value, part(walk)._drive.value = OWN_REST, NO_DRIVE
             getattr(part(walk), select).param.update(options=[sent, OWN_REST, NO_DRIVE], value=sent)
         find(walk)
-        assert "is no log among the missions" in part(walk).job._after.text
+        assert "is not a log among the missions" in part(walk).job._after.text
     assert not walk.complaints()
 
 

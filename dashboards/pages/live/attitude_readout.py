@@ -77,7 +77,9 @@ class AttitudeReadout:
 
 def _angle(name: str, angle: float, sigma: float) -> str:
     if not np.isfinite(angle):
-        return f'<div class="angle"><b>{UNKNOWN}</b><span>{name}</span><span class="sigma"></span></div>'
+        return (
+            f'<div class="angle stands"><b>{UNKNOWN}</b><span>{name}</span><span class="sigma"></span></div>'
+        )
     coarse = sigma >= _COARSE
     digits = f"{angle:.{0 if coarse else 1}f}"
     if name == ANGLES[2] and digits.startswith("360"):

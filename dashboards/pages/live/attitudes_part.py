@@ -137,7 +137,8 @@ def _table(differences: list[Difference]) -> str:
     return (
         f'<div class="wide"><table><tr><th>Last {RECENT:g} s</th><th>Tilt</th><th>Roll</th><th>Pitch</th>'
         f"<th>Heading, mean</th><th>Heading about it</th></tr>{rows}</table></div>"
-        "<p>Tilt, roll, pitch and the last column are rms. A heading that nothing shows has any mean.</p>"
+        "<p>Tilt, roll, pitch and the last column are rms. Without a source of heading, its mean is "
+        "arbitrary.</p>"
     )
 
 

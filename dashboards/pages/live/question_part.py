@@ -89,7 +89,7 @@ class QuestionPart(PartOfWatched):
         if status.doubt:
             used, *others = status.doubt
             question = (
-                f"The unit of the angular rates is not known. {used} is used, and {' or '.join(others)} is "
+                f"The unit of the angular rates is unknown. {used} is used, and {' or '.join(others)} is "
                 "possible. Choose one, or tilt the device by 20°, which shows it."
             )
         elif count:

@@ -140,6 +140,6 @@ def question_of(doubt: tuple[str, ...]) -> str:
         return ""
     others = " or ".join(f"--unit rate={unit}" for unit in doubt[1:])
     return (
-        f"The unit of the angular rates is not known: {doubt[0]} is used, and {' or '.join(doubt[1:])} is "
+        f"The unit of the angular rates is unknown: {doubt[0]} is used, and {' or '.join(doubt[1:])} is "
         f"possible. {others} says so; a tilt by 20° decides, too."
     )
