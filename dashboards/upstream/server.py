@@ -13,6 +13,7 @@ from bokeh.core.property.bases import Property, validation_on
 from bokeh.core.property.descriptors import PropertyDescriptor
 from bokeh.core.property.singletons import Undefined
 from bokeh.core.property.wrappers import PropertyValueContainer
+from bokeh.core.types import ID
 from bokeh.document import Document
 from bokeh.document.callbacks import DocumentCallbackManager
 from bokeh.model import Model, util
@@ -26,6 +27,7 @@ from bokeh.server.session import ServerSession
 from bokeh.server.views.ws import WSHandler
 from bokeh.settings import settings
 from bokeh.util import callback_manager
+from bokeh.util.tornado import _CallbackGroup
 from panel.io.server import DocHandler
 from panel.links import Callback
 from panel.reactive import Syncable
@@ -206,14 +208,28 @@ def leave_out_hooks(page: Viewable) -> None:
 def cut_cycles() -> None:
     """Make Bokeh release callbacks after their call, and the data of models of ended pages.
 
-    Both refer to themselves and to the page, and nothing refers to them. A collection from the page would not
-    find them, and the page would stay in memory.
+    All of these refer to themselves and to the page, and nothing refers to them. A collection from the page
+    would not find them, and the page would stay in memory.
     """
     remove, destroy = DocumentCallbackManager.remove_session_callback, Model.destroy
 
     def remove_and_forget(callbacks: DocumentCallbackManager, callback: SessionCallback) -> None:
         remove(callbacks, callback)
         vars(callback)["_callback"] = None
+
+    def add_and_forget(group: _CallbackGroup, callback: Callable[[], Any], callback_id: ID) -> ID:
+        waiting = [callback]
+
+        def run() -> Any:
+            if not waiting:  # it was removed
+                return None
+            (called,) = waiting
+            group.remove_next_tick_callback(callback_id)
+            return called()
+
+        group._assign_remover(callback, callback_id, group._next_tick_callback_removers, waiting.clear)
+        group._loop.add_callback(run)
+        return callback_id
 
     def destroy_and_forget(model: Model) -> None:
         destroy(model)
@@ -223,6 +239,7 @@ def cut_cycles() -> None:
 
     DocumentCallbackManager.remove_session_callback = remove_and_forget  # type: ignore[method-assign, assignment]
     Model.destroy = destroy_and_forget  # type: ignore[method-assign, assignment]
+    _CallbackGroup.add_next_tick_callback = add_and_forget  # type: ignore[method-assign, assignment]
 
 
 def models_version(document: Document) -> tuple[int, int]:

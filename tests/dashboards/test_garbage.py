@@ -7,12 +7,16 @@ import gc
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+from typing import Any
 from weakref import ref
 
 import pytest
+from bokeh.core.types import ID
 from bokeh.document import Document
+from bokeh.util.tornado import _CallbackGroup
 
 from dashboards import garbage
 from dashboards.upstream.server import speed_up
@@ -176,6 +180,28 @@ def test_a_callback_that_was_called_is_gone_with_its_page() -> None:
     callback.callback()
     del callback, show, page
     assert left() is None
+
+
+@pytest.mark.parametrize("removed", [False, True])
+def test_a_turn_that_was_taken_or_removed_holds_no_page(removed: bool) -> None:
+    """While a turn waits, it may be excluded from searches: a cycle in it would be found by none."""
+    speed_up()
+    asked, shown, page = list[Callable[[], None]](), list[bool](), Plain()
+    loop: Any = SimpleNamespace(add_callback=asked.append)
+    group, left = _CallbackGroup(loop), ref(page)
+
+    def show(_page: Plain = page) -> None:
+        shown.append(True)
+
+    group.add_next_tick_callback(show, ID("a turn"))
+    if removed:
+        group.remove_all_callbacks()
+    asked.pop()()
+    del show, page
+    assert shown == [True] * (not removed)
+    assert left() is None
+    with pytest.raises(ValueError, match="twice"):
+        group.remove_next_tick_callback(ID("a turn"))
 
 
 @pytest.mark.proof
