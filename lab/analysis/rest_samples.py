@@ -16,6 +16,7 @@ from lab.data.formats import log_reader_of
 from lab.data.protocols.column_map import ColumnMapError
 from lab.data.sheets.column_names import VECTORS
 from lab.data.sheets.sensor_csv import names_quantity, sheets_of
+from lab.data.sheets.sheet_clock import clock_of
 from lab.data.sheets.sheet_imu import Triad, triads
 from lab.data.streams.capture import holds_samples
 from lab.data.streams.raw_recording import RecordingError
@@ -29,6 +30,10 @@ accelerometer make 0.3 m/s² and 3 %, a wrong unit a factor of 9.8."""
 _FORCE_UNITS = ("m/s²", "g", "mg")
 _ROS = "angular velocity"
 """How headings of ROS name gyros, which are in rad/s (REP 103)."""
+
+
+_LARGEST_BIAS = 0.5
+"""Angular rate that no MEMS shows at rest [rad/s]: data sheets allow 20 °/s (MPU-6050), which is 0.35."""
 
 
 class Samples(NamedTuple):
@@ -105,6 +110,12 @@ def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[st
     gyros, forces = triads(sheets, "rate"), triads(sheets, "force")
     if not gyros and not forces:
         known = ", ".join(sorted({one.text for sheet in sheets for one in sheet.headings})) or "none"
+        untimed = [one.name for one in sheets if one.has_imu and clock_of(one, fast=True) is None]
+        if untimed:
+            raise MissionError(
+                f"no column of {', '.join(untimed)} has time stamps; columns that are read: {known}. "
+                "Accepted is --column HEADING=time[ms]"
+            )
         raise MissionError(
             f"no gyros and no accelerometers with three axes and time stamps; columns that are read: {known}"
             ". Accepted are headings such as gx_deg_s and fx_g, or what the columns are: "
@@ -114,9 +125,9 @@ def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[st
     gyro = gyros[0] if gyros else None
     force, why = _with_gravity(forces) if forces else (None, "")
     if gyro is not None:
-        unit = gyro.unit or _unit_of_gyros(gyro)
+        unit, how = (gyro.unit, "") if gyro.unit else _unit_of_gyros(gyro)
         found["gyro"] = _in_si(gyro, unit)
-        remarks.append(f"Gyros: {_named(gyro)}, in {unit}.")
+        remarks.append(f"Gyros: {_named(gyro)}, in {unit}{how}.")
     if force is not None:
         found["accelerometer"] = _in_si(*force)
         remarks.append(f"Accelerometers: {_named(force[0])}, in {force[1]}.")
@@ -140,10 +151,16 @@ def _in_si(triad: Triad, unit: str) -> Samples:
     return Samples(triad.clock.time[known], triad.values[known] * factor)
 
 
-def _unit_of_gyros(gyro: Triad) -> str:
-    """Return the unit of gyros whose headings do not name it, but who writes such headings does."""
+def _unit_of_gyros(gyro: Triad) -> tuple[str, str]:
+    """Return the unit of gyros whose headings do not name it, and how it is known.
+
+    Who writes such headings names it, or a rest whose rates, in rad/s, would be larger than any bias.
+    """
     if gyro.headings[0].sensor.endswith(_ROS):
-        return "rad/s"
+        return "rad/s", ""
+    size = float(np.linalg.norm(np.nanmedian(gyro.values, axis=0)))
+    if size > _LARGEST_BIAS:
+        return "°/s", f" (guessed: at rest they are {size:.3g}, more than any bias in rad/s)"
     first = gyro.headings[0].text
     raise MissionError(
         f"the columns {_named(gyro)} do not name their unit, and at rest nothing shows it; accepted are "

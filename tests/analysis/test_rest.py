@@ -158,3 +158,19 @@ def test_a_real_log_at_rest_gives_a_card() -> None:
     assert not card.terms["gyro"]
     assert "do not explain the Allan deviation of gyro" in card.note
     assert (np.array(card.value("accelerometer", "noise_density")) < 140).all()
+
+
+def test_a_rest_shows_the_unit_of_gyros_whose_bias_none_has_in_radians(tmp_path: Path) -> None:
+    """1.5 rad/s at rest would be a bias of 86 °/s; an MPU-6050 has some degrees per second."""
+    table = _table()
+    table[:, 1:4] += np.array((-1.2, 0.8, 0.5))
+    records = rest.read_log(_write(tmp_path / "imu.csv", table, "t_s,gx,gy,gz,fx_m_s2,fy_m_s2,fz_m_s2"))
+    np.testing.assert_allclose(records["gyro"].rates, np.radians(table[:, 1:4]), atol=1e-12)
+    assert any("in °/s (guessed" in remark for remark in records.remarks)
+
+
+def test_a_table_whose_t_is_a_temperature_has_no_time_stamps(tmp_path: Path) -> None:
+    table = np.column_stack((_table(), 27.8 + 0.1 * (RNG.random(400) < 0.3)))
+    path = _write(tmp_path / "imu.csv", table, "f,gx,gy,gz,fx_m_s2,fy_m_s2,fz_m_s2,t")
+    with pytest.raises(MissionError, match=r"has time stamps.*--column HEADING=time"):
+        rest.read_log(path)

@@ -52,6 +52,8 @@ _MIN_KNOWN = 0.5
 """Smallest part of the rows in which a time stamp has to be known."""
 _MIN_FORWARD = 0.5
 """Smallest part of the steps that do not go backwards in a column that is time."""
+_MORE_FORWARD = 0.52
+"""Smallest part of the steps forward among those that change it: a temperature called t goes to and fro."""
 
 _ANOTHER_CLOCK = 0.01
 """Difference of stamps, over their size, from which they are of two clocks: 200 days since 1970."""
@@ -171,7 +173,8 @@ def _of_column(
         known = np.isfinite(values)
         if known.mean() < _MIN_KNOWN or np.ptp(values[known]) == 0:
             continue
-        if ordered and (np.diff(values[known]) >= 0).mean() < _MIN_FORWARD:
+        steps = np.diff(values[known])
+        if ordered and ((steps >= 0).mean() < _MIN_FORWARD or (steps[steps != 0] > 0).mean() < _MORE_FORWARD):
             continue
         if "header" in heading.text.lower() and _is_of_another_clock(values, candidates):
             continue

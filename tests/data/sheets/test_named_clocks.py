@@ -167,3 +167,12 @@ def test_the_rate_of_samples_above_a_header_times_a_table_without_times(tmp_path
     assert any("say 100 samples a second" in remark for remark in log.repairs)
     for above in NOT_OF_SAMPLES:
         assert not recognises("\n".join((above, mark.join(names), *cells)).encode()), above
+
+
+def test_a_temperature_that_is_called_t_is_no_time():
+    """Of a thermometer that counts in tenths, most readings repeat the one before."""
+    rng = np.random.default_rng(4)
+    warmth = 27.8 + 0.1 * (rng.random(600) < 0.3)
+    rows = "".join(f"{2314 + 23 * i},0,0,9.8,0.1,0.2,0.1,{t:.2f}\n" for i, t in enumerate(warmth))
+    sheet = read_sheet("log.txt", f"f,ax,ay,az,gx,gy,gz,t\n{rows}".encode())
+    assert clock_of(sheet, fast=True) is None
