@@ -114,14 +114,14 @@ class HistoryBar(JSComponent):
         super().__init__(**params)  # type: ignore[no-untyped-call]
         self._acts: list[Callable[[str, int], None]] = []
         self._heard = 0  # number of the last wish
-        self.param.watch(self._hear, "asked")
+        self.param.watch(self._follow_wishes, "asked")
         self.param.watch(lambda event: setattr(self, "answered", event.new), "question")
 
     def hear(self, act: Callable[[str, int], None]) -> None:
         """Call a function with each wish ("undo", "tab", ...) and the number that belongs to it."""
         self._acts.append(act)
 
-    def _hear(self, event: param.parameterized.Event) -> None:
+    def _follow_wishes(self, event: param.parameterized.Event) -> None:
         """Do what was asked since the last time: several wishes may arrive at once."""
         for wish in event.new:
             match wish:
@@ -349,7 +349,7 @@ class Address:
         others = {FIELD: self._code, HOMEWORK: self._homework(state), THEME: self._theme}
         if not self._keeps_settings:
             return _joined(_named(others))
-        return self._with_held(_named(others), state.settings, state.notes, self._view(state))
+        return self._join_query(_named(others), state.settings, state.notes, self._view(state))
 
     @property
     def link(self) -> str:
@@ -358,7 +358,7 @@ class Address:
         parts = state.settings.split("&")
         if state.hidden:
             parts = [part for part in parts if not part.startswith("seed=")]
-        return self._with_held(
+        return self._join_query(
             _named({HOMEWORK: self._homework(state)}), *parts, state.notes, self._view(state)
         )
 
@@ -376,7 +376,7 @@ class Address:
     def _view(self, state: State) -> str:
         return query_of_view(self._shown.view()._replace(tab=state.tab))
 
-    def _with_held(self, *parts: str) -> str:
+    def _join_query(self, *parts: str) -> str:
         """Join parts of a query; the held results are in it if there is room for all of them."""
         whole = _joined(*parts, self.held.query)
         return whole if len(whole) <= LONGEST else _joined(*parts)

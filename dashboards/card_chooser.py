@@ -72,7 +72,7 @@ class CardChooser:
         )
         self._note = wide_html(margin=(0, 0, 4, 0), visible=False)
         self._widget.param.watch(self._chosen, "value")
-        self._switch.param.watch(lambda _event: self._filled(), "value")
+        self._switch.param.watch(lambda _event: self._fill_assumed_terms(), "value")
         session.on_settings(self._arrived)
         self._arrived()
 
@@ -84,7 +84,7 @@ class CardChooser:
     @property
     def base(self) -> Experiment:
         """The settings before changes: those of the card in use as loaded, or else the first ones."""
-        return _as_loaded(self._name, bool(self._switch.value))
+        return _load_card(self._name, bool(self._switch.value))
 
     def refresh(self) -> None:
         """Show whether the sensors still match the card, and which of their terms are assumed or lacking."""
@@ -95,7 +95,7 @@ class CardChooser:
         self._name = found or self._name
         if found and card(found).assumed:
             self._turn(bool(sensors.assumed_terms()))
-        self._show(found or (f"{self._name}, changed" if self._name else OWN))
+        self._show_text(found or (f"{self._name}, changed" if self._name else OWN))
 
     def _arrived(self) -> None:
         """Show a complete new set of settings, whose original card is unknown."""
@@ -110,7 +110,7 @@ class CardChooser:
         finally:
             self._showing = False
 
-    def _show(self, text: str) -> None:
+    def _show_text(self, text: str) -> None:
         groups = _by_grade() if text in cards() else {IN_FORCE: [text], **_by_grade()}
         if (text, groups) == (self._widget.value, self._widget.groups):
             return
@@ -125,7 +125,7 @@ class CardChooser:
             return
         self._load(event.new)
 
-    def _filled(self) -> None:
+    def _fill_assumed_terms(self) -> None:
         self._session.fills_gaps = bool(self._switch.value)
         self._reload()
 
@@ -147,7 +147,7 @@ def load_card(session: Session, name: str) -> None:
 
 
 @cache
-def _as_loaded(name: str | None, assumed: bool) -> Experiment:
+def _load_card(name: str | None, assumed: bool) -> Experiment:
     """Return the first settings with a card, which nobody changes; None is no card."""
     base = Experiment()
     if name:

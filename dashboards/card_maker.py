@@ -9,7 +9,7 @@ from typing import Any
 import panel_material_ui as pmui
 
 from dashboards.exchange import Download
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.pages.missions.job import Job
 from lab.analysis import rest
 from lab.base.progress import Progress
@@ -45,7 +45,7 @@ class CardMaker:
         self.card: Card | None = None
         self._name = pmui.TextInput(
             label="Name of the card", value="my sensor", size="small", variant="outlined", margin=(8, 4),
-            **sized(190),
+            **layout_width(190),
         )  # fmt: skip
         self.button = pmui.Button(label="Make a card of this", icon="badge", disabled=True, margin=(10, 4))
         self.button.on_click(lambda _event: self.start())

@@ -99,13 +99,13 @@ class CovarianceField(TextField):
         variance = sigma if isinstance(sigma, str) else sigma * abs(sigma) * TO_SI[unit] ** 2
         asked: tuple[Any, ...]
         if self._value is not None and isinstance(self._value[0], tuple):
-            row = _with(self._value[index], index, variance)
-            asked = _with(self._value, index, row)
+            row = _replace_value(self._value[index], index, variance)
+            asked = _replace_value(self._value, index, row)
         else:
-            asked = _with(self._variances(), index, variance)
+            asked = _replace_value(self._variances(), index, variance)
         self._take(asked, requirement(self.declaration))
 
 
-def _with(values: tuple[Any, ...], index: int, value: Any) -> tuple[Any, ...]:
+def _replace_value(values: tuple[Any, ...], index: int, value: Any) -> tuple[Any, ...]:
     """Return the values with one replaced."""
     return (*values[:index], value, *values[index + 1 :])

@@ -19,7 +19,7 @@ from bokeh.document import Document
 from bokeh.server.session import ServerSession
 from tornado.web import RequestHandler
 
-from dashboards.openings import step_of
+from dashboards.openings import schedule_step
 from dashboards.upstream.server import end_socket
 
 log = logging.getLogger(__name__)
@@ -70,7 +70,7 @@ async def part(sessions: Iterable[ServerSession]) -> None:
         method = _written.get(session.document)
         write = None if method is None else method()
         if write is not None and session.connection_count:
-            writing.append(step_of(session.document, write))
+            writing.append(schedule_step(session.document, write))
     if writing:
         await asyncio.wait(writing, timeout=WRITING)
     ends = [end_socket(session.document, RESTARTS, "the server restarts") for session in sessions]

@@ -26,8 +26,8 @@ from lab.base.progress import Progress
 from lab.base.result_files import csv_blocks, table
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.run.provenance import block_of
-from lab.views.export import gpx, kml, tracks_of
+from lab.run.provenance import facts_block
+from lab.views.export import gpx, kml, make_tracks
 
 WRITTEN = 0.7
 """Part of the work for a zip file that is done before it is compressed."""
@@ -63,7 +63,7 @@ class Files:
         self._session, self._held = session, held
         self._upload = Upload(
             self._uploaded,
-            self._refused,
+            self._report_refusal,
             most=1,
             largest=MAX_BYTES,
             accept=".toml",
@@ -86,7 +86,7 @@ class Files:
         self._reading.close()
         self._upload.delete()
 
-    def _refused(self, reason: str) -> None:
+    def _report_refusal(self, reason: str) -> None:
         self._session.problem = f"The settings file is not accepted. {reason}"
 
     def _uploaded(self, paths: list[Path]) -> None:
@@ -159,12 +159,12 @@ def json_file(result: Result, progress: Progress) -> bytes:
 
 def kml_file(result: Result, _progress: Progress) -> bytes:
     """Return the paths of a result as KML, for Google Earth."""
-    return kml.text(tracks_of(result)).encode()
+    return kml.text(make_tracks(result)).encode()
 
 
 def gpx_file(result: Result, _progress: Progress) -> bytes:
     """Return the paths of a result as GPX, for maps."""
-    return gpx.text(tracks_of(result)).encode()
+    return gpx.text(make_tracks(result)).encode()
 
 
 def seen_csv(names: Sequence[str], window: tuple[float, float], result: Result, _progress: Progress) -> bytes:
@@ -183,7 +183,7 @@ def seen_csv(names: Sequence[str], window: tuple[float, float], result: Result, 
         for column, values in one.items()
     }
     inside = (first.index >= window[0]) & (first.index <= window[1])
-    head = block_of(result.facts, "# ", short=True)
+    head = facts_block(result.facts, "# ", short=True)
     return f"{head}{''.join(csv_blocks(first.assign(**together)[list(together)][inside]))}".encode()
 
 

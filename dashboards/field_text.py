@@ -31,7 +31,7 @@ def shown(value: Any) -> str:
     )
 
 
-def parsed(declaration: param.Parameter, text: str) -> Any:
+def parse_field(declaration: param.Parameter, text: str) -> Any:
     """Return the entered value; the setting itself checks it."""
     text = text.strip()
     if isinstance(declaration, param.Integer):
@@ -77,21 +77,21 @@ def number(text: str) -> float | str:
         return text
 
 
-def label_of(declaration: param.Parameter) -> str:
+def field_label(declaration: param.Parameter) -> str:
     """Return the label of a field: the name of the setting, and its unit."""
     unit = getattr(declaration, "unit", "")
     return f"{declaration.label} [{unit}]" if unit else str(declaration.label)
 
 
-def placeholder_of(declaration: param.Parameter) -> str:
+def field_placeholder(declaration: param.Parameter) -> str:
     """Return what an empty field shows."""
     if isinstance(declaration, Intervals):
         return "none, or stretches such as 60–75, 120–130"
-    if follows(declaration):
+    if follows_sensor(declaration):
         return FOLLOWS
     return str(declaration.unset) if isinstance(declaration, QuantityOrNone) else ""
 
 
-def follows(declaration: param.Parameter) -> bool:
+def follows_sensor(declaration: param.Parameter) -> bool:
     """Return whether a setting of the filter follows the sensor until it is given."""
     return isinstance(declaration, MatrixOrNone) or getattr(declaration, "unset", "") == "matched"

@@ -28,7 +28,7 @@ def networks(proxies: Sequence[str]) -> list[Network]:
     return [ipaddress.ip_network(one, strict=False) for one in proxies]
 
 
-def believe(proxies: Sequence[str]) -> None:
+def trust_proxies(proxies: Sequence[str]) -> None:
     """Believe what proxies at these addresses say of their visitors."""
     _believed[:] = networks(proxies)
 

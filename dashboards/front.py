@@ -55,7 +55,7 @@ _BROWSER = re.compile(r"\bins_lab_browser(?:_\d+)?=([\w-]{43})", re.ASCII)
 _TEACHER = re.compile(r"\bins_lab_teacher(?:_\d+)?=", re.ASCII)
 
 
-def place_of(head: bytes, keys: Sequence[bytes]) -> int | None:
+def choose_process(head: bytes, keys: Sequence[bytes]) -> int | None:
     """Return the number of the process to which a request belongs; None if any will do.
 
     Parameters
@@ -164,7 +164,7 @@ class Front:
         for name in ("SIGTERM", "SIGHUP", "SIGINT"):
             number = getattr(signal, name)
             loop.add_signal_handler(number, end, number)
-        self._workers = [self._started(part) for part in self.parts]
+        self._workers = [self._start_process(part) for part in self.parts]
         for one in listening:
             loop.add_reader(one.fileno(), self._accept, one)
         try:
@@ -182,7 +182,7 @@ class Front:
                 if worker.process.is_alive():
                     worker.process.kill()
 
-    def _started(self, part: Part) -> Worker:
+    def _start_process(self, part: Part) -> Worker:
         """Start a process, and follow what becomes of it."""
         loop = asyncio.get_running_loop()
         ours, theirs = socket.socketpair()
@@ -192,11 +192,11 @@ class Front:
         process.start()
         theirs.close()
         worker = Worker(process, ours, key, loop.time())
-        loop.add_reader(ours.fileno(), self._hear, worker)
-        loop.add_reader(process.sentinel, self._ended, part, worker)
+        loop.add_reader(ours.fileno(), self._read_messages, worker)
+        loop.add_reader(process.sentinel, self._restart_process, part, worker)
         return worker
 
-    def _hear(self, worker: Worker) -> None:
+    def _read_messages(self, worker: Worker) -> None:
         try:
             said = worker.channel.recv(1)
         except BlockingIOError:
@@ -212,7 +212,7 @@ class Front:
             print(self.greeting, flush=True)
             self.opened()
 
-    def _ended(self, part: Part, worker: Worker) -> None:
+    def _restart_process(self, part: Part, worker: Worker) -> None:
         """Start a process again that has ended by itself."""
         loop = asyncio.get_running_loop()
         loop.remove_reader(worker.process.sentinel)
@@ -231,7 +231,7 @@ class Front:
 
     def _start_again(self, part: Part) -> None:
         if not self._ends:
-            self._workers[part.number] = self._started(part)
+            self._workers[part.number] = self._start_process(part)
 
     def _accept(self, listening: socket.socket) -> None:
         with contextlib.suppress(OSError):  # none is there any more, or the system has no more room
@@ -250,7 +250,7 @@ class Front:
             head = await asyncio.wait_for(_head(connection), PATIENCE)
             if not head:
                 return
-            place = place_of(head, [one.key for one in self._workers])
+            place = choose_process(head, [one.key for one in self._workers])
             if place is None:
                 ready = [number for number, one in enumerate(self._workers) if one.is_ready]
                 place = ready[next(self._turns) % len(ready)] if ready else 0

@@ -54,7 +54,7 @@ _untrack.argtypes = _track.argtypes = [ctypes.py_object]
 _untrack.restype = _track.restype = None
 
 
-def keep() -> None:
+def freeze_objects() -> None:
     """Exclude all present objects from the next collections."""
     gc.collect(YOUNG)
     gc.freeze()
@@ -67,7 +67,7 @@ def search_all() -> None:
     gc.freeze()
 
 
-async def search_from(roots: list[object]) -> None:
+async def collect_from(roots: list[object]) -> None:
     """Collect the garbage that is reachable from some objects; the list is empty afterwards.
 
     Objects that are still referred to stay; the search is then only wasted time.

@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl, unquote_plus, urlencode
 from bokeh.document import Document
 
 from dashboards.computing import LONG, LatestWins, Outcome, run
-from dashboards.holding import LONGEST_NAME, is_renamed, name_of, named
+from dashboards.holding import LONGEST_NAME, describe_differences, is_renamed, name_held
 from dashboards.notes import MOST_FIELDS
 from dashboards.openings import Openings
 from dashboards.query import HELD, experiment_of_query, query
@@ -111,7 +111,9 @@ class HeldLinks:
                 )
                 continue
             problems += [f"A held result in the link: {sentence}" for sentence in wrong[:1]]
-            self._waiting.append((experiment, name or name_of(experiment, self._session.shows_sigmas)))
+            self._waiting.append(
+                (experiment, name or describe_differences(experiment, self._session.shows_sigmas))
+            )
         self._shown()
         return problems
 
@@ -145,7 +147,7 @@ class HeldLinks:
             self._session.problem = "A result of so long a flight cannot be held."
         elif len(self._session.held) < MOST_HELD:
             held = (*self._session.held, Held(name, outcome.result))
-            self._session.held = named(held, self._session.shows_sigmas)
+            self._session.held = name_held(held, self._session.shows_sigmas)
         self._begin()
 
 

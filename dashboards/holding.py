@@ -78,12 +78,12 @@ class Holding:
         elif len(held) == MOST_HELD:
             self._session.problem = f"{MOST_HELD} results are held. Remove one of them first."
         else:
-            one = Held(name_of(result.experiment), result)
-            self._session.held = named((*held, one), self._session.shows_sigmas)
+            one = Held(describe_differences(result.experiment), result)
+            self._session.held = name_held((*held, one), self._session.shows_sigmas)
 
     def _name_again(self) -> None:
         """Name the held results that no person has named, once the fields show σ, or variances."""
-        self._session.held = named(self._session.held, self._session.shows_sigmas)
+        self._session.held = name_held(self._session.held, self._session.shows_sigmas)
 
     def _list(self) -> None:
         """Show the held results; the one that is being renamed has a field for its name."""
@@ -124,9 +124,9 @@ class Holding:
         held = list(self._session.held)
         self._renamed = -1
         if slot < len(held):
-            called = name.strip()[:LONGEST_NAME] or name_of(held[slot].result.experiment)
+            called = name.strip()[:LONGEST_NAME] or describe_differences(held[slot].result.experiment)
             held[slot] = held[slot]._replace(name=called)
-        self._session.held = named(held, self._session.shows_sigmas)
+        self._session.held = name_held(held, self._session.shows_sigmas)
         self._list()
 
     def _bring_back(self, held: Held) -> None:
@@ -142,21 +142,23 @@ class Holding:
     def _remove(self, held: Held) -> None:
         self._renamed = -1
         left = [one for one in self._session.held if one is not held]
-        self._session.held = named(left, self._session.shows_sigmas)
+        self._session.held = name_held(left, self._session.shows_sigmas)
 
 
-def named(held: Sequence[Held], sigmas: bool) -> tuple[Held, ...]:
+def name_held(held: Sequence[Held], sigmas: bool) -> tuple[Held, ...]:
     """Return held results with their names, which tell them apart, unless a person has named them."""
     together = [one.result.experiment for one in held]
     return tuple(
         one
         if is_renamed(one.result.experiment, one.name)
-        else one._replace(name=name_of(one.result.experiment, sigmas, together))
+        else one._replace(name=describe_differences(one.result.experiment, sigmas, together))
         for one in held
     )
 
 
-def name_of(experiment: Experiment, sigmas: bool = False, together: Sequence[Experiment] = ()) -> str:
+def describe_differences(
+    experiment: Experiment, sigmas: bool = False, together: Sequence[Experiment] = ()
+) -> str:
     """Return what differs from the defaults in some settings, in a few words, as their fields show it.
 
     What all of the experiments in ``together`` share comes last, since it does not tell them apart.
@@ -168,12 +170,12 @@ def name_of(experiment: Experiment, sigmas: bool = False, together: Sequence[Exp
     """
     shared = set.intersection(*(set(parse_qsl(query(one))) for one in together or (experiment,)))
     changed = sorted(parse_qsl(query(experiment)), key=shared.__contains__)
-    words = [_words(path, value, sigmas) for path, value in changed[:NAMED]]
+    words = [_describe_setting(path, value, sigmas) for path, value in changed[:NAMED]]
     more = [f"{len(changed) - NAMED} more"] if len(changed) > NAMED else []
     return ", ".join(words + more) or AS_DELIVERED
 
 
-def _words(path: str, text: str, sigmas: bool) -> str:
+def _describe_setting(path: str, text: str, sigmas: bool) -> str:
     value = seen_value(path, text, sigmas)
     if path == "mission":
         return value
@@ -184,6 +186,6 @@ def _words(path: str, text: str, sigmas: bool) -> str:
 def is_renamed(experiment: Experiment, name: str) -> bool:
     """Return whether a person gave a held result its name."""
     changed = parse_qsl(query(experiment))
-    words = {_words(path, value, sigmas) for path, value in changed for sigmas in (False, True)}
+    words = {_describe_setting(path, value, sigmas) for path, value in changed for sigmas in (False, True)}
     first, count = _MORE.sub("", name), min(NAMED, len(changed))
     return first not in map(", ".join, permutations(words, count)) and name != AS_DELIVERED

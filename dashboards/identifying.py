@@ -76,7 +76,7 @@ class Identifying:
             return
         self._work.cancel()
         self._result, self._found = result, None
-        self._say("")
+        self._show_text("")
         self._ask.disabled = bool(result.algorithm)
         self._choose(())
 
@@ -93,7 +93,7 @@ class Identifying:
     def _asked(self) -> None:
         if self._result is not None:
             self._choose(())
-            self._say("Identifying …")
+            self._show_text("Identifying …")
             self._work.submit(self._result)
 
     def _applied(self) -> None:
@@ -104,7 +104,7 @@ class Identifying:
         try:
             self._session.accept(trial.update(self._found.settings(self._chosen.value)))
         except SettingError as error:
-            self._say(str(error))
+            self._show_text(str(error))
 
     def _attempt(self, result: Result, progress: Progress) -> Outcome:
         def tell(stage: str, fraction: float) -> None:
@@ -118,13 +118,13 @@ class Identifying:
 
     def _report(self, result: Result, words: str) -> None:
         if result is self._result and self._found is None:
-            self._say(words)
+            self._show_text(words)
 
     def _arrive(self, result: Result, outcome: Outcome) -> None:
         if result is not self._result:
             return
         if outcome.problem:
-            self._say(outcome.problem)
+            self._show_text(outcome.problem)
             return
         self._found = outcome.result
         self._text.object = identification_html(outcome.result)
@@ -140,7 +140,7 @@ class Identifying:
         """Show the button while any parameter is ticked."""
         self._apply.visible = bool(self._chosen.value)
 
-    def _say(self, text: str) -> None:
+    def _show_text(self, text: str) -> None:
         self._text.object = f"<p>{escape(text)}</p>" if text else ""
 
 

@@ -123,24 +123,26 @@ def brought_back(text: object) -> tuple[Kept, bool]:
         unheard = tuple(_changes(found.get("unheard"))) if is_same else ()
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return Kept(), False
-    return (_kept(inner)._replace(unheard=unheard), is_same) if isinstance(inner, dict) else (Kept(), False)
+    return (
+        (_read_kept(inner)._replace(unheard=unheard), is_same) if isinstance(inner, dict) else (Kept(), False)
+    )
 
 
 def _changes(found: object) -> Iterable[Change]:
-    for one in _listed(found)[:MOST_ENTRIES]:
+    for one in _read_list(found)[:MOST_ENTRIES]:
         match one:
             case [str(path), str(part), bool() | int() | float() | str() as value]:
                 yield Change(path, part, value[:LONGEST_WORD] if isinstance(value, str) else value)
 
 
-def _kept(parts: dict[str, Any]) -> Kept:
+def _read_kept(parts: dict[str, Any]) -> Kept:
     match parts.get("place"):
         case [str(origin), str(name), int(number)] if number >= 0:
             place: Place | None = (origin, name), number
         case _:
             place = None
     solved = dict[Key, tuple[int, ...]]()
-    for one in _listed(parts.get("solved"))[:MOST_LESSONS]:
+    for one in _read_list(parts.get("solved"))[:MOST_LESSONS]:
         match one:
             case [str(origin), str(name), [*steps]]:
                 solved[origin, name] = tuple(sorted({n for n in steps if n in range(MOST_STEPS)}))
@@ -151,7 +153,9 @@ def _kept(parts: dict[str, Any]) -> Kept:
             own = None
     match parts.get("typed"):
         case [str(homework), str(name), [*faults], [*answers]]:
-            typed: Typed | None = Typed(homework, name[:LONGEST_WORD], _words(faults), _words(answers))
+            typed: Typed | None = Typed(
+                homework, name[:LONGEST_WORD], _read_words(faults), _read_words(answers)
+            )
         case _:
             typed = None
     called, compared = parts.get("name"), parts.get("compared")
@@ -166,9 +170,9 @@ def _kept(parts: dict[str, Any]) -> Kept:
     )
 
 
-def _listed(value: object) -> list[Any]:
+def _read_list(value: object) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
-def _words(values: Iterable[object]) -> tuple[str, ...]:
+def _read_words(values: Iterable[object]) -> tuple[str, ...]:
     return tuple(one[:LONGEST_WORD] if isinstance(one, str) else "" for one in values)[:MOST_ENTRIES]

@@ -38,17 +38,17 @@ class LogLimit(logging.Filter):
             self._dropped += 1
             return False
         self._left -= 1
-        text = _shortened(record.getMessage())
+        text = _shorten_text(record.getMessage())
         if self._dropped:
             text += f" ({self._dropped} records before this one came too fast and were dropped)"
             self._dropped = 0
         record.msg, record.args = text, ()
         if record.exc_info:
-            record.exc_text = _shortened(logging.Formatter().formatException(record.exc_info))
+            record.exc_text = _shorten_text(logging.Formatter().formatException(record.exc_info))
         return True
 
 
-def _shortened(text: str) -> str:
+def _shorten_text(text: str) -> str:
     if len(text) <= LONGEST:
         return text
     half = LONGEST // 2

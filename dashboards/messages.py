@@ -137,7 +137,7 @@ def _check_content(message: Message[Any]) -> None:
     if not all(isinstance(event, dict) and event.get("kind") in KINDS for event in events):
         raise ProtocolError(f"an event is of an unknown kind; accepted are {', '.join(sorted(KINDS))}")
     used: Counter[str] = Counter()
-    for value in _encoded(content):
+    for value in _iterate_encoded(content):
         if value["type"] not in TYPES:
             raise ProtocolError(f"a value is of a type that pages do not send: {value['type']}")
         if value["type"] == "bytes":
@@ -152,12 +152,12 @@ def _check_content(message: Message[Any]) -> None:
 def _check_objects(message: Message[Any], connection: ServerConnection) -> None:
     """Refuse models that the page does not have: browsers create no models here."""
     models = connection.session.document.models
-    for value in _encoded(message.content):
+    for value in _iterate_encoded(message.content):
         if value["type"] == "object" and not (isinstance(value.get("id"), str) and value["id"] in models):
             raise ValueError("a message names a model that the page does not have")
 
 
-def _encoded(content: Any) -> Iterator[dict[str, Any]]:
+def _iterate_encoded(content: Any) -> Iterator[dict[str, Any]]:
     """Yield the values in a content that name their type."""
     waiting = [content]
     while waiting:

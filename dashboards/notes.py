@@ -50,7 +50,7 @@ class Note(NamedTuple):
 def query_of_notes(notes: Iterable[Note], mission: str) -> str:
     """Return the notes of a flight as the query of an address."""
     return urlencode(
-        [(NOTE, _written(one)) for one in notes if one.mission == mission], safe=":,", quote_via=quote
+        [(NOTE, _format_note(one)) for one in notes if one.mission == mission], safe=":,", quote_via=quote
     )
 
 
@@ -75,7 +75,7 @@ def notes_of_query(query: str, mission: str) -> tuple[tuple[Note, ...], list[str
     return tuple(found), problems[:MOST_NAMED]
 
 
-def _written(note: Note) -> str:
+def _format_note(note: Note) -> str:
     times = [f"{time:.1f}".removesuffix(".0") for time in (note.start, note.end)]
     return f"{'-'.join(dict.fromkeys(times))}:{note.text}"
 
@@ -104,7 +104,7 @@ class Notes:
         text, start, end = plain_text(typed)[:LONGEST], round(start, 1), round(end, 1)
         if text and 0 <= start <= end:
             note = Note(start, end, text, self._session.experiment.mission)
-            self._take((*self.here, note), f"Note: {_short(text)}")
+            self._take((*self.here, note), f"Note: {_shorten_note(text)}")
 
     def change(self, number: int, typed: str) -> None:
         """Give a note another text; without a text, delete it."""
@@ -112,7 +112,7 @@ class Notes:
             return
         before, text = self.here[number], plain_text(typed)[:LONGEST]
         after = (before._replace(text=text),) if text else ()
-        called = f"Note: {_short(text)}" if text else f"Note deleted: {_short(before.text)}"
+        called = f"Note: {_shorten_note(text)}" if text else f"Note deleted: {_shorten_note(before.text)}"
         self._take((*self.here[:number], *after, *self.here[number + 1 :]), called)
 
     def bring(self, query: str) -> list[str]:
@@ -152,5 +152,5 @@ class Notes:
         self._session.record(called, None)
 
 
-def _short(text: str) -> str:
+def _shorten_note(text: str) -> str:
     return text if len(text) <= SHORT else f"{text[: SHORT - 1]}…"

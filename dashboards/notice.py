@@ -61,8 +61,8 @@ class Notice:
 
     def say(self, text: str, severity: str = "error", points: Sequence[str] = ()) -> None:
         """Show a text with a list of points below it; an empty text hides the box."""
-        self.text = _bounded(text)
-        listed = "".join(f"<li>{escape(_bounded(point))}</li>" for point in points[:MOST_POINTS])
+        self.text = _bound_text(text)
+        listed = "".join(f"<li>{escape(_bound_text(point))}</li>" for point in points[:MOST_POINTS])
         style = ' style="margin:4px 0 0;padding-left:18px"'
         words = escape(self.text)
         if self._links is not None:
@@ -71,5 +71,5 @@ class Notice:
         self.view.param.update(severity=severity, closed=False, visible=bool(text))
 
 
-def _bounded(text: str) -> str:
+def _bound_text(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST]} …"

@@ -136,17 +136,19 @@ class Openings(Handler):
 
     def later(self, document: Document, step: Callable[[], None]) -> None:
         """Run a step of a page in its turn, as a callback of its document."""
-        self._ask(partial(step_of, document, step))
+        self._ask(partial(schedule_step, document, step))
 
     def let_go(self, page: object, document: Document, wait: float = AGAIN) -> None:
         """Free the objects of an ended page, once no page waits to be opened."""
-        self._ended.append(partial(self._search, [page, *_alive(self._models.pop(document, ()))], wait))
+        self._ended.append(
+            partial(self._search, [page, *_living_objects(self._models.pop(document, ()))], wait)
+        )
         self._begin()
 
     def _search(self, roots: list[object], wait: float) -> asyncio.Future[None]:
         async def search() -> None:
             left = [ref(root) for root in roots]
-            await garbage.search_from(roots)
+            await garbage.collect_from(roots)
             if any(root() is not None for root in left):
                 asyncio.get_running_loop().call_later(wait, self._search_again, left, 2 * wait)
                 self._search_all()  # what is in use may be so by garbage only
@@ -184,7 +186,7 @@ class Openings(Handler):
             self._taken = resident()
 
     def _search_again(self, left: list[ref[object]], wait: float) -> None:
-        self._ended.append(partial(self._search, _alive(left), wait))
+        self._ended.append(partial(self._search, _living_objects(left), wait))
         self._begin()
 
     def _ask(self, turn: Turn) -> None:
@@ -199,14 +201,14 @@ class Openings(Handler):
 
     async def _work(self) -> None:
         while self._waiting or self._ended:
-            if await self._take_turns():
+            if await self._give_turns():
                 CACHE.shrink(AT_REST + EACH * self._watched)
                 if not self._sessions:
                     self._search_all()
                 # In a thread, because it goes through all free memory. Others may ask for a turn meanwhile.
                 await asyncio.to_thread(give_back)
 
-    async def _take_turns(self) -> bool:
+    async def _give_turns(self) -> bool:
         """Give all turns; return whether an ended page was among them."""
         searched = False
         while turns := self._waiting or self._ended:
@@ -214,7 +216,7 @@ class Openings(Handler):
             await asyncio.wait({turns.popleft()()}, timeout=LONGEST)
             await asyncio.sleep(PAUSE)
             self._note_models()
-            garbage.keep()
+            garbage.freeze_objects()
         return searched
 
     def _note_models(self) -> None:
@@ -234,12 +236,12 @@ def pages_wait(document: Document) -> bool:
     return found is not None and found.busy
 
 
-def _alive(some: Iterable[ref[Any]]) -> list[Any]:
+def _living_objects(some: Iterable[ref[Any]]) -> list[Any]:
     """Return the objects of some references that are still there."""
     return [one for known in some if (one := known()) is not None]
 
 
-def step_of(document: Document, step: Callable[[], None]) -> asyncio.Future[None]:
+def schedule_step(document: Document, step: Callable[[], None]) -> asyncio.Future[None]:
     """Schedule a step of a document; return a future that completes when the step is done or has failed."""
     taken: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 

@@ -62,7 +62,7 @@ def accepted_hosts(address: str, port: int, more: Iterable[str] = ()) -> frozens
         names |= {name, name.partition(".")[0], f"{name.partition('.')[0]}.local"}
     hosts = {_with_port(name, port) for name in names}
     for origin in more:
-        host, own_port = _parsed(origin)
+        host, own_port = _parse_origin(origin)
         hosts |= {_with_port(host, one) for one in ((port, WEB_PORT) if own_port is None else (own_port,))}
     return frozenset(hosts)
 
@@ -92,27 +92,27 @@ def is_accepted(origin: str, request: HTTPServerRequest, application: Applicatio
     name is looked up, because a foreign name may resolve to this computer.
     """
     try:
-        host, port = _parsed(origin)
+        host, port = _parse_origin(origin)
     except OriginError:
         return False
     if urlsplit(origin).scheme not in {"http", "https"}:
         return False
     port = WEB_PORT if port is None else port
     told = {*application.settings.get(SETTING, ()), *getattr(application, "websocket_origins", ())}
-    return check_allowlist(_with_port(host, port), sorted(told)) or (host, port) == _reached(request)
+    return check_allowlist(_with_port(host, port), sorted(told)) or (host, port) == _reached_address(request)
 
 
-def _reached(request: HTTPServerRequest) -> tuple[str, int] | None:
+def _reached_address(request: HTTPServerRequest) -> tuple[str, int] | None:
     """Return the local address and port at which a request arrived."""
     stream: Any = getattr(request.connection, "stream", None)
     try:
         address, port, *_ = stream.socket.getsockname()
-        return _plain(address), int(port)
+        return _canonical_host(address), int(port)
     except (AttributeError, OSError, ValueError):  # closed meanwhile, or not an internet socket
         return None
 
 
-def _parsed(origin: str) -> tuple[str, int | None]:
+def _parse_origin(origin: str) -> tuple[str, int | None]:
     """Return the host and the port of an origin, with or without its scheme."""
     refusal = OriginError(
         f"{origin!r} is not a host of a page; accepted are such as lab.example.org and 192.0.2.7:8443"
@@ -125,10 +125,10 @@ def _parsed(origin: str) -> tuple[str, int | None]:
     more = parts.path.strip("/") or parts.query or parts.fragment or parts.username is not None
     if not host or more or not all(sign.isalnum() or sign in "-._:" for sign in host):
         raise refusal
-    return _plain(host), port
+    return _canonical_host(host), port
 
 
-def _plain(host: str) -> str:
+def _canonical_host(host: str) -> str:
     """Return a host in canonical form; an IPv4-mapped IPv6 address becomes the IPv4 address."""
     try:
         address = ipaddress.ip_address(host)

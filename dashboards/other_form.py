@@ -7,7 +7,7 @@ from typing import Any
 import panel_material_ui as pmui
 import param
 
-from dashboards.field_text import label_of, per_axis
+from dashboards.field_text import field_label, per_axis
 from dashboards.widgets import Change, Field
 
 
@@ -18,14 +18,14 @@ class OtherFormField(Field):
         super().__init__(declaration, change)
         self._axes: tuple[str, ...] = getattr(declaration, "axes", ())
         self.view = self._box = pmui.TextInput(
-            label=label_of(declaration),
+            label=field_label(declaration),
             size="small",
             variant="standard",
             margin=(0, 0, 8, 12),
             sizing_mode="stretch_width",
             description=declaration.doc,
         )
-        self._box.param.watch(self._typed, "value")
+        self._box.param.watch(self._accept_typed, "value")
         self.parts = {"box": self._box}
         self.show(declaration.default)
 
@@ -37,8 +37,8 @@ class OtherFormField(Field):
         self._box.value = self.in_words(value)
 
     def _relabel(self) -> None:
-        self._box.param.update(label=label_of(self.said), description=self.said.doc)
+        self._box.param.update(label=field_label(self.said), description=self.said.doc)
 
-    def _typed(self, event: param.parameterized.Event) -> None:
+    def _accept_typed(self, event: param.parameterized.Event) -> None:
         if not self._showing and event.new != self.in_words(self._value):
             self._ask(self._as_set(per_axis(event.new, self._axes)))

@@ -69,7 +69,7 @@ class SimulatorPage:
         self._browser = Browser(document)
         self._zooming, self._had_sidebar = False, True
         self._epoch = 0.0
-        self._time_bar = TimeBar(self.axis, document, self._follow, self._cut, self.session)
+        self._time_bar = TimeBar(self.axis, document, self._follow, self._add_outage, self.session)
         self._settings: SettingsPanel | None = None
         self._files: Files | None = None
         self._sidebar = plain_column()
@@ -102,7 +102,7 @@ class SimulatorPage:
                 self._shown_view,
                 self._place,
                 self._restore,
-                Keeping(self._kept, self._take_back),
+                Keeping(self._kept, self._restore_kept),
             ),
         )
         self._class = ClassBar(self._desk())
@@ -138,9 +138,9 @@ class SimulatorPage:
     def _listen(self) -> None:
         """Follow the session, the tabs and the visible stretch of time."""
         self.session.prepare = self.pages.prepare
-        self.session.go = self._go_to
+        self.session.go = self._open_page_at
         self.session.remind = self._remind
-        self.session.acted = self._acted
+        self.session.acted = self._note_action
         self.session.visitor = self._visitor
         self.session.solved = self._class.solved
         self.session.keep = self._address.update
@@ -148,7 +148,7 @@ class SimulatorPage:
         self.session.param.watch(self._new_problem, "problem")
         self.session.param.watch(lambda _event: self._show_held(), "held")
         for edge in ("start", "end"):
-            self.axis.range.on_change(edge, self._zoomed)
+            self.axis.range.on_change(edge, self._follow_zoom)
 
     def servable(self) -> None:
         """Put the page into the document of this session and compute the first result.
@@ -175,9 +175,9 @@ class SimulatorPage:
             self._steps.pop(0)()
         # The garbage of an ended page is found from these; Panel drops the second one with the document.
         self._view, self._known_to_panel = self._frame(), pn.state.browser_info
-        self._view.param.watch(self._dress, "dark_theme")
+        self._view.param.watch(self._apply_theme, "dark_theme")
         if self._view.dark_theme:
-            self._dress()
+            self._apply_theme()
         self._view.servable()
         pn.state.on_session_destroyed(partial(_close, self))
         add_browser_scripts(self._document)
@@ -205,7 +205,7 @@ class SimulatorPage:
             show=self._show_of_class,
             keep=self._address.keep_class,
             href=lambda: self._address.href,
-            enlarge=self._enlarge,
+            enlarge=self._enlarge_type,
             flash=lambda paths: flash(self._settings.views(paths)) if self._settings else None,
         )
 
@@ -231,7 +231,7 @@ class SimulatorPage:
         kept = self._class.kept()
         return self.pages.kept(kept)
 
-    def _take_back(self, kept: Kept, is_same: bool) -> None:
+    def _restore_kept(self, kept: Kept, is_same: bool) -> None:
         """Show what the browser had stored; the open step belongs to the address of then."""
         self._class.take_back(kept)
         self._unheard = kept.unheard
@@ -242,7 +242,7 @@ class SimulatorPage:
             lessons = self.pages.made_lessons()
             lessons.take_back(kept)
             if kept.place and is_same and not self._class.follows:
-                self._take_place_back(lessons, kept)
+                self._restore_place(lessons, kept)
 
     def _repeat(self) -> None:
         """Change the settings that the server had not heard when the connection was cut, if they are here."""
@@ -251,7 +251,7 @@ class SimulatorPage:
             for change in unheard:
                 self._settings.repeat(*change)
 
-    def _take_place_back(self, lessons: Lessons, kept: Kept) -> None:
+    def _restore_place(self, lessons: Lessons, kept: Kept) -> None:
         was_open = self.pages.dock.is_open or self._address.view.beside == Lessons.title
         state = self._address.state(hidden=lessons.fault_of(kept) if kept.hides else "")
         self._address.bring_back(state._replace(place=kept.place))
@@ -297,7 +297,7 @@ class SimulatorPage:
         except SettingError as error:
             self.session.problem = str(error)
 
-    def _enlarge(self, on: bool) -> None:
+    def _enlarge_type(self, on: bool) -> None:
         """Turn large type for a projector on, which also closes the settings, or off."""
         if on:
             self._had_sidebar = self._view.sidebar_open
@@ -325,9 +325,9 @@ class SimulatorPage:
         title, self._waiting_beside = self._waiting_beside, ""
         if title:
             self.pages.open(title)
-        self._go_on()
+        self._request_next_step()
 
-    def _go_on(self) -> None:
+    def _request_next_step(self) -> None:
         """Request the turn for the next step of the opening."""
         if self._steps and self._openings is not None:
             self._openings.later(self._document, self._take_step)
@@ -345,14 +345,14 @@ class SimulatorPage:
                 while self._steps and self._is_alone:
                     self._steps.pop(0)()
         finally:
-            self._go_on()
+            self._request_next_step()
 
     @property
     def _is_alone(self) -> bool:
         """Whether no other page is open in a browser or waiting for its turn."""
         return self._openings is None or not self._openings.is_crowded(self._document)
 
-    def _dress(self, *_events: param.parameterized.Event) -> None:
+    def _apply_theme(self, *_events: param.parameterized.Event) -> None:
         self.pages.dress(bool(self._view.dark_theme))
 
     def _add_settings(self) -> None:
@@ -377,7 +377,7 @@ class SimulatorPage:
             self._files.close()
         self.pages.close()
 
-    def _acted(self) -> None:
+    def _note_action(self) -> None:
         """Note that settings or the step of a lesson were changed, by a person or for a class."""
         self._taken = None
         self._address.moved()
@@ -429,11 +429,11 @@ class SimulatorPage:
             self._waiting_time = None
         self.pages.draw_if_begun()
 
-    def _cut(self, start: float, end: float) -> None:
+    def _add_outage(self, start: float, end: float) -> None:
         """Add a GPS outage at times of the plots."""
         self.session.take_gps_away(start + self._epoch, end + self._epoch)
 
-    def _go_to(self, title: str | None, time: float | None) -> None:
+    def _open_page_at(self, title: str | None, time: float | None) -> None:
         """Open a page, and move the cursor to a time; see `Session`."""
         self.pages.open(self.pages.tabs.kind.title if title is None else title)
         if time is not None:
@@ -476,7 +476,7 @@ class SimulatorPage:
     def _new_problem(self, event: param.parameterized.Event) -> None:
         self._message.say(as_seen(event.new))
 
-    def _zoomed(self, _attr: str, _old: object, _new: object) -> None:
+    def _follow_zoom(self, _attr: str, _old: object, _new: object) -> None:
         self._address.update()
         if not self._zooming:
             self._zooming = True

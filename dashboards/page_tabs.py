@@ -125,7 +125,7 @@ class PageTabs:
         self._reasons: dict[type[Page], str] = {}
         self._marks: Marks | None = None
         self._last = {tab: pages[0] for tab, pages in TABS.items()}
-        tab = self._tab_of(FIRST)
+        tab = self._find_tab(FIRST)
         self._tabs = Tabs(
             *((title, pn.Spacer(height=0)) for title in TABS),
             name="page tabs",
@@ -153,9 +153,9 @@ class PageTabs:
         """Open a page, and with it its tab."""
         if kind is self.kind:
             return
-        tab = self._tab_of(kind)
+        tab = self._find_tab(kind)
         self.kind = self._last[tab] = kind
-        with self._silently():
+        with self._pause_events():
             self._tabs.active = self._titles.index(tab)
             self._parts.param.update(
                 options=[page.title for page in TABS[tab]], value=kind.title, visible=len(TABS[tab]) > 1
@@ -184,7 +184,7 @@ class PageTabs:
                 return
             self._marks = Marks(margin=0, styles={"display": "none"})  # type: ignore[no-untyped-call]
             self.view.append(self._marks)
-        opened = {"tab": self._last, "button": {one.title: one for one in TABS[self._tab_of(self.kind)]}}
+        opened = {"tab": self._last, "button": {one.title: one for one in TABS[self._find_tab(self.kind)]}}
         self._marks.reasons = {
             role: {title: self._reasons[kind] for title, kind in kinds.items() if kind in self._reasons}
             for role, kinds in opened.items()
@@ -197,15 +197,15 @@ class PageTabs:
     def _part_chosen(self, event: param.parameterized.Event) -> None:
         if self._silent:
             return
-        here = {page.title: page for page in TABS[self._tab_of(self.kind)]}
+        here = {page.title: page for page in TABS[self._find_tab(self.kind)]}
         self.open(here.get(event.new, self.kind))  # a hand-made message may contain any value
 
     @staticmethod
-    def _tab_of(kind: type[Page]) -> str:
+    def _find_tab(kind: type[Page]) -> str:
         return next(tab for tab, pages in TABS.items() if kind in pages)
 
     @contextmanager
-    def _silently(self) -> Iterator[None]:
+    def _pause_events(self) -> Iterator[None]:
         self._silent = True
         try:
             yield

@@ -17,7 +17,7 @@ from dashboards.notes import Notes
 from dashboards.openings import Openings
 from dashboards.sending import soon
 from dashboards.session import Session
-from lab.analysis.events import drawn, events
+from lab.analysis.events import events, merge_close_events
 from lab.base.progress import Progress
 from lab.experiment.result import Result
 from lab.run.memory import give_back, large_blocks_given_back
@@ -129,7 +129,7 @@ class EventLane:
 
     def _find(self, result: Result, _progress: Progress) -> Outcome:
         with large_blocks_given_back(result.time.size):
-            found = attempt(lambda: drawn(events(result), float(result.time[-1])))
+            found = attempt(lambda: merge_close_events(events(result), float(result.time[-1])))
         if result.is_long:
             give_back()
         return found

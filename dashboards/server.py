@@ -158,7 +158,7 @@ def serve_part(
     import dashboards.page  # noqa: F401, PLC0415
     from dashboards import ending  # noqa: PLC0415
     from dashboards.ensembles import use_cluster  # noqa: PLC0415
-    from dashboards.forwarded import believe  # noqa: PLC0415
+    from dashboards.forwarded import trust_proxies  # noqa: PLC0415
     from dashboards.handover import OFTEN  # noqa: PLC0415
     from dashboards.headers import OneRequest, SecurityHeaders  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
@@ -176,7 +176,7 @@ def serve_part(
     _protect(
         laboratory.address, laboratory.visitors or ("edit" if is_loopback(laboratory.address) else "run")
     )
-    believe(laboratory.proxies)
+    trust_proxies(laboratory.proxies)
     admit_holders(laboratory.port, [bytes.fromhex(one) for one in start.secrets.teachers])
     warming = Warming() if laboratory.warm else None
     clean = [remove_all_here, *([warming.end] if warming else ())]

@@ -29,7 +29,7 @@ from lab.base.parameters.setting_kinds import MatrixOrNone
 from lab.experiment.experiment import Experiment
 from lab.experiment.log_run import has_effect
 from lab.missions import LogMission, missions
-from lab.navigation.alignment.rest_alignment import usual
+from lab.navigation.alignment.rest_alignment import usual_covariance
 from lab.navigation.belief import belief
 from lab.navigation.filters.blocks import IMU_DENSITIES
 
@@ -456,7 +456,7 @@ def matched_variances(experiment: Experiment, name: str) -> list[float]:
     for setting in ("p0", "q", "r"):
         plain.set(setting, None)
         plain.set(f"{setting}_scale", 1.0)
-    matched = belief(experiment.sensors, plain, usual(experiment.sensors, plain))
+    matched = belief(experiment.sensors, plain, usual_covariance(experiment.sensors, plain))
     states, densities = plain.states, matched.noise[:IMU_DENSITIES]  # without further ones
     covariance = {"p0": matched.P0[:states, :states], "q": np.diag(densities), "r": matched.R}[name]
     return [float(variance) for variance in np.diag(covariance)]

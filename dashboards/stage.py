@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import panel as pn
 
 from dashboards.notice import Notice
-from dashboards.pages.base import Page, not_drawn
+from dashboards.pages.base import Page, drawing_error
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.innovations import Innovations
 from dashboards.style import STAGE
@@ -103,7 +103,7 @@ class Stage:
             if page is not None:
                 page.forget()
             failure = self._failures.setdefault(kind, Notice())
-            failure.say(not_drawn(kind.title, error))
+            failure.say(drawing_error(kind.title, error))
             if place is None:
                 self._put(failure.view, page)
             else:

@@ -15,7 +15,7 @@ from typing import Any
 import panel_material_ui as pmui
 
 from dashboards.messages import CHUNK
-from lab.base.files.locks import LOCK_FILE, hold
+from lab.base.files.locks import LOCK_FILE, lock_folder
 from lab.data.formats import MAX_FILES
 from lab.missions.mission_name import PUNCTUATION
 
@@ -97,7 +97,7 @@ class Upload(pmui.FileInput):
             remove_abandoned()
         while self._temporary is None:
             made = tempfile.TemporaryDirectory(prefix=f"{PREFIX}{os.getpid()}-", ignore_cleanup_errors=True)
-            lock = hold(Path(made.name))
+            lock = lock_folder(Path(made.name))
             if lock is not None:  # None means that a starting server would treat the folder as abandoned
                 self._temporary, self._lock = made, lock
         return Path(self._temporary.name)
@@ -166,7 +166,7 @@ def remove_abandoned() -> None:
     for folder in _folders(""):
         if (folder / LOCK_FILE).exists():
             with contextlib.suppress(OSError):
-                lock = hold(folder)
+                lock = lock_folder(folder)
                 if lock is not None:
                     lock.close()
                     shutil.rmtree(folder, ignore_errors=True)

@@ -19,7 +19,7 @@ from dashboards.session import Session
 from dashboards.style import plain_column, wide_html
 from dashboards.widgets import SETTING
 from lab.analysis.verdicts.finding import Change, Finding, Verdict
-from lab.analysis.verdicts.trial import advised, can_be_tried
+from lab.analysis.verdicts.trial import apply_changes, can_be_tried
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
@@ -254,7 +254,7 @@ class VerdictChip:
         self._card.open = False
         if result is None or not changes:
             return
-        changed = advised(result, changes)
+        changed = apply_changes(result, changes)
         assert isinstance(changed, Experiment)
         try:
             self._session.accept(changed)

@@ -12,7 +12,15 @@ import panel_material_ui as pmui
 import param
 from bokeh.models import CustomJSTickFormatter
 
-from dashboards.field_text import FOLLOWS, follows, label_of, parsed, per_axis, placeholder_of, shown
+from dashboards.field_text import (
+    FOLLOWS,
+    field_label,
+    field_placeholder,
+    follows_sensor,
+    parse_field,
+    per_axis,
+    shown,
+)
 from dashboards.sigmas import sigma_of, to_sigma, to_variance
 from dashboards.style import HIDDEN_LABEL, TOOLTIP, plain_column, plain_row, wide_html
 from lab.base.parameters.setting_error import RefusedValueError, SettingError
@@ -180,10 +188,10 @@ class NumberField(Field):
         self._scale = Scale(declaration)
         self._motions, self._in_motion = 0, False
         self._spoken = CustomJSTickFormatter(code=self._scale.words(getattr(declaration, "unit", "")))
-        self._slider = self._make_slider(label_of(declaration), declaration.doc or "")
+        self._slider = self._make_slider(field_label(declaration), declaration.doc or "")
         self._slider.param.watch(lambda event: self._moved(None, event.new), "value")
         self._box = pmui.TextInput(
-            label=label_of(declaration),
+            label=field_label(declaration),
             size="small",
             variant="standard",
             width=96,
@@ -291,7 +299,7 @@ class NumberField(Field):
     def _relabel(self) -> None:
         self._scale = Scale(self.said, self._scale.logarithmic)
         self._spoken = CustomJSTickFormatter(code=self._scale.words(self.said.unit))
-        self._box.label = self._slider.label = label_of(self.said)
+        self._box.label = self._slider.label = field_label(self.said)
         scale = self._scale
         ends = {"start": scale.start, "end": scale.end, "step": scale.step, "format": self._spoken}
         self._showing = True
@@ -379,9 +387,9 @@ class TextField(Field):
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
-        hint = placeholder_of(declaration)
+        hint = field_placeholder(declaration)
         self.view = self._widget = pmui.TextInput(
-            label=label_of(declaration),
+            label=field_label(declaration),
             placeholder=hint,
             sx=_HINTED if hint else {},
             size="small",
@@ -394,7 +402,7 @@ class TextField(Field):
         self._widget.param.watch(self._typed, "value")
         self.parts = {"box": self._widget}
         self._lock: pmui.IconButton | None = None
-        if follows(declaration):
+        if follows_sensor(declaration):
             self._lock = pmui.IconButton(
                 size="1.1em", margin=(14, 0, 0, 0), width=26, stylesheets=[TOOLTIP], tags=[SETTING]
             )
@@ -420,7 +428,7 @@ class TextField(Field):
     def _typed(self, event: param.parameterized.Event) -> None:
         if self._showing or event.new == shown(self._value):
             return
-        self._ask(parsed(self.declaration, event.new))
+        self._ask(parse_field(self.declaration, event.new))
 
 
 class Scale:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lab.data.protocols.decoder import Decoder
-from lab.data.protocols.samples import FIX, IMU, Samples, joined
+from lab.data.protocols.samples import FIX, IMU, Samples, join_samples
 
 RATE = 100.0
 
@@ -29,7 +29,7 @@ def decoded(decoder: Decoder, data: bytes, step: int | None = None) -> Samples:
     """Return all samples of a stream that is fed in pieces."""
     step = step or max(len(data), 1)
     parts = [decoder.feed(data[at : at + step]) for at in range(0, len(data), step)]
-    return joined([*parts, decoder.finish()])
+    return join_samples([*parts, decoder.finish()])
 
 
 def motion(count: int, seed: int = 1) -> np.ndarray:

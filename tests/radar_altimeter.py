@@ -25,10 +25,10 @@ from lab.data.files.sensor_log_csv import read_sensor_log
 from lab.data.files.sensor_log_writer import write_sensor_log
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.text_lines import TextLines
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.navigation.aids import NAMES
 from lab.navigation.log_navigation import navigate_log
-from lab.navigation.log_readings import fitted_only
+from lab.navigation.log_readings import drop_sensors_without_readings
 from lab.navigation.settings import NavigatorSettings
 from lab.views.budget import FAMILIES
 from lab.views.quantities import aid_plots
@@ -107,7 +107,7 @@ def check_log_and_stream(folder: Path) -> None:
     sensors.set("radar_altimeter.fitted", True)
     live = navigator(sensors=sensors)
     feed(live, imu, fixes, random_pieces(1), rows)
-    log = log_of("replay", imu, fixes, vehicle="car", readings=rows)
+    log = make_log("replay", imu, fixes, vehicle="car", readings=rows)
     run = navigate_log(log, sensors, NavigatorSettings(vehicle="car"), start=live.alignment)
     assert run.solution.states == 16
     assert (run.solution.aid_sample >= 0).sum() > 100
@@ -118,7 +118,7 @@ def check_log_and_stream(folder: Path) -> None:
     np.testing.assert_allclose(again.auxiliary.series["radar_altimeter"].value, height, atol=1e-9)
     mine = live.log().auxiliary.series["radar_altimeter"]
     np.testing.assert_array_equal(mine.value, log.auxiliary.series["radar_altimeter"].value)
-    _, remarks = fitted_only(suite(), {}, again)
+    _, remarks = drop_sensors_without_readings(suite(), {}, again)
     assert remarks == [
         "The log has readings of a radar altimeter that are not used; sensors.radar_altimeter.fitted = true "
         "uses them."

@@ -18,7 +18,7 @@ from document_code import DOCUMENTS, PROGRAMS, ROOT, Line, blocks, lines, name_o
 from document_files import make_files
 
 from lab.classroom.homework.homework_file import make_homework
-from lab.classroom.lessons.lesson_file import lesson_of
+from lab.classroom.lessons.lesson_file import make_lesson
 from lab.data.files.profile import read_profile
 from lab.data.log.calibration import Calibration, read_calibration
 from lab.experiment.experiment import Experiment
@@ -140,7 +140,7 @@ def read_own_calibration(text: str, tables: dict[str, Any], folder: Path) -> Cal
 
 LOADERS: dict[str, Callable[[str, dict[str, Any], Path], Any]] = {
     "hidden": read_own_homework,
-    "step": lambda text, tables, folder: lesson_of("mine", tables),
+    "step": lambda text, tables, folder: make_lesson("mine", tables),
     "flight": read_flight,
     "recording": read_mission,
     "sensors": lambda text, tables, folder: Experiment.from_toml(text),

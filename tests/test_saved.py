@@ -18,7 +18,7 @@ from flights import circle
 from dashboards.drawn_pages import PAGES
 from dashboards.query import experiment_of_query, view_of_query
 from lab import Experiment, mission
-from lab.classroom.homework.grading import GRADED, files_of, grade
+from lab.classroom.homework.grading import GRADED, grade, list_files
 from lab.classroom.homework.homework_file import read_homework, read_key
 from lab.classroom.lessons.lesson_file import read_lesson
 from lab.live import open as open_source
@@ -140,6 +140,6 @@ def test_a_homework_is_worked_with_and_its_hand_ins_are_graded(tmp_path: Path) -
     shutil.copy(SAVED / "ada.handin", handed)
     homework = read_homework(SAVED / "receiver.homework")
     assert read_key(Path(key)).homework == homework
-    (row,) = grade(files_of(handed), read_key(Path(key)))
+    (row,) = grade(list_files(handed), read_key(Path(key)))
     assert (row["file"], row["name"], row["status"]) == ("ada.handin", "Ada Lovelace", GRADED)
     assert float(row["points"]) >= 2  # for the fault, which is the right one

@@ -122,7 +122,7 @@ class OwnPage(Page):
         return True
 
 
-def not_drawn(title: str, error: Exception) -> str:
+def drawing_error(title: str, error: Exception) -> str:
     """Return the message about a page that could not be drawn."""
     return (
         f"The page {title} could not be drawn ({type(error).__name__}: {error}). This is a fault of the "
@@ -183,6 +183,6 @@ def plot_grid(
     return pn.Column(*panes, **sizing, stylesheets=[grid], margin=(6, 8))
 
 
-def hideable(grid: pn.viewable.Viewable) -> pn.Column:
+def make_hideable(grid: pn.viewable.Viewable) -> pn.Column:
     """Return a column around a grid of plots, hidden at first: the style of a grid alone keeps it visible."""
     return whole_column(grid, visible=False)

@@ -112,9 +112,9 @@ class Calibrate(OwnPage):
         self.found = None
         self._file.visible = self._card.visible = False
         self.words.object = _WORDS
-        self.job.start(words, work, self._show)
+        self.job.start(words, work, self._show_calibration)
 
-    def _show(self, found: Found) -> None:
+    def _show_calibration(self, found: Found) -> None:
         self.found = found
         self.words.object = without_folder(found_html(found))
         self._file.visible = not found.calibration.is_empty

@@ -92,7 +92,7 @@ class Compare(ComputedPage):
         self._summary = ""
         super().__init__(axis)
         if session is not None:
-            session.on_run(self._outdate)
+            session.on_run(self._end_outdated_work)
             session.param.watch(lambda _event: self._draw_again(), "shows_sigmas")
 
     def make(self) -> pn.viewable.Viewable:
@@ -136,7 +136,7 @@ class Compare(ComputedPage):
 
     def kept(self) -> dict[str, Any]:
         """Return what is added to the table, as plain data; empty without anything."""
-        on = [name for name in self._add if self._on(name)]
+        on = [name for name in self._add if self._is_chosen(name)]
         parts = {"on": on, "cards": [*self._cards.chosen], "seeds": self._count, "sweep": self._sweep.kept()}
         return parts if on else {}
 
@@ -153,7 +153,7 @@ class Compare(ComputedPage):
             if name in self._add:
                 self._add[name].value = True
 
-    def _on(self, name: str) -> bool:
+    def _is_chosen(self, name: str) -> bool:
         return bool(self._add[name].value)
 
     def prepare(self, result: Result) -> None:
@@ -161,16 +161,18 @@ class Compare(ComputedPage):
         if self._is_alone or result.is_long:
             _ = result.whiteness if result.missing_reason("summary") else result.summary
         if not self._is_alone and (key := self._key(result)) not in self._known:
-            self._known[key] = _as_seen(assess(result))
+            self._known[key] = _without_hidden(assess(result))
 
     @property
     def _is_alone(self) -> bool:
         held = () if self._session is None else self._session.held
-        return not (held or self._on("All error models") or self._on("Seeds") or self._chosen_cards)
+        return not (
+            held or self._is_chosen("All error models") or self._is_chosen("Seeds") or self._chosen_cards
+        )
 
     @property
     def _chosen_cards(self) -> tuple[str, ...]:
-        return self._cards.chosen if self._on("Sensor cards") else ()
+        return self._cards.chosen if self._is_chosen("Sensor cards") else ()
 
     @property
     def _count(self) -> int:
@@ -195,7 +197,7 @@ class Compare(ComputedPage):
         }
         runs.setdefault(key, (NOW, result))
         items = [Item(at, name, "", lambda *_told, run=run: assess(run)) for at, (name, run) in runs.items()]
-        if self._on("All error models"):
+        if self._is_chosen("All error models"):
             group = "Error models, with the present settings"
             items += [
                 Item(f"{key} {name}", name, group, partial(_of_model, experiment, name)) for name in models()
@@ -209,7 +211,7 @@ class Compare(ComputedPage):
             Item(f"{key} card {name}", name, group, partial(_of_card, experiment, name))
             for name in self._chosen_cards
         ]
-        if self._on("Seeds"):
+        if self._is_chosen("Seeds"):
             count = self._count
             group = f"{MEAN} {count} seeds ± standard deviation from run to run"
             items += [
@@ -226,7 +228,7 @@ class Compare(ComputedPage):
         experiment = result.experiment
         assert isinstance(experiment, Experiment)
         sigmas = self._session is not None and self._session.shows_sigmas
-        self._sweep.suit(result, is_on=self._on("A sweep"), sigmas=sigmas)
+        self._sweep.suit(result, is_on=self._is_chosen("A sweep"), sigmas=sigmas)
         self._outages.suit(experiment, bool(result.recorded))
         is_long = result.is_long
         if is_long:
@@ -234,7 +236,7 @@ class Compare(ComputedPage):
             self.prepare(result)
             result = result.bare()
         self._wanted = result
-        self._age(old=self._session is not None and not _are_of(result, self._session.experiment))
+        self._age(old=self._session is not None and not _has_settings(result, self._session.experiment))
         wanted = [] if self._is_alone else [item.key for item in self._items(result)]
         for kept in (self._known, self._some):
             for key in set(kept) - set(wanted):
@@ -266,12 +268,12 @@ class Compare(ComputedPage):
                 )
 
             def show(done: Ensemble, item: Item = item) -> None:
-                self._some[item.key] = _as_seen(assess_seeds(done, self._count))
+                self._some[item.key] = _without_hidden(assess_seeds(done, self._count))
                 self._later(partial(self._draw_some, result))
 
             tell("", 0.0)
             found = attempt(partial(item.compute, tell, show))
-            self._known[item.key] = _as_seen(found.result or Assessment(verdict=found.problem))
+            self._known[item.key] = _without_hidden(found.result or Assessment(verdict=found.problem))
             self._later(partial(self._draw_some, result))
         if self._sweep.is_pending(result):
             self._sweep.work_out(result, progress, lambda: self._later(partial(self._draw_some, result)))
@@ -330,10 +332,10 @@ class Compare(ComputedPage):
 
     def _changed(self) -> None:
         """Add or remove what was chosen."""
-        self._cards.view.visible = self._on("Sensor cards")
-        self._seeds.visible = self._on("Seeds")
-        self._sweep.choice.view.visible = self._on("A sweep")
-        self._outages.view.visible = self._on("Outages")
+        self._cards.view.visible = self._is_chosen("Sensor cards")
+        self._seeds.visible = self._is_chosen("Seeds")
+        self._sweep.choice.view.visible = self._is_chosen("A sweep")
+        self._outages.view.visible = self._is_chosen("Outages")
         self._stopped = False
         if self._session is not None:
             self._session.keep()
@@ -351,7 +353,7 @@ class Compare(ComputedPage):
         self._stopped = not self._stopped
         self._draw_again()
 
-    def _outdate(self) -> None:
+    def _end_outdated_work(self) -> None:
         """End the work for settings that are no longer the present ones, and mark what is shown of them."""
         if self._wanted is not None:
             self._work.cancel()
@@ -425,11 +427,11 @@ def _run_if_allowed(experiment: Experiment, variant: Experiment, progress: Progr
     return variant.run(progress)
 
 
-def _are_of(result: Result, experiment: Experiment) -> bool:
+def _has_settings(result: Result, experiment: Experiment) -> bool:
     """Return whether a result has the settings of an experiment."""
     mine = result.experiment
     return mine.hidden == experiment.hidden and mine.to_dict() == experiment.to_dict()
 
 
-def _as_seen(found: Assessment) -> Assessment:
+def _without_hidden(found: Assessment) -> Assessment:
     return replace(found, verdict=as_seen(found.verdict))

@@ -12,7 +12,7 @@ from typing import Any
 import panel as pn
 
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
-from dashboards.pages.base import Page, not_drawn
+from dashboards.pages.base import Page, drawing_error
 from dashboards.sending import together, turns_of_page
 from dashboards.style import wide_html
 from lab.base.progress import Progress
@@ -136,4 +136,4 @@ class ComputedPage(Page):
             log.exception("the page %s could not be drawn", self.title)
             self._content = None
             self.clear()
-            self.say(not_drawn(self.title, error))
+            self.say(drawing_error(self.title, error))

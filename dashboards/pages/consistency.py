@@ -21,14 +21,14 @@ from dashboards.style import choice_row, plain_column, wide_html
 from dashboards.widgets import SETTING
 from lab.analysis.verdicts.finding import Change, Finding
 from lab.analysis.verdicts.suggestion import may_suggest, with_suggestions
-from lab.analysis.verdicts.trial import advised, can_be_tried, tried
+from lab.analysis.verdicts.trial import apply_changes, can_be_tried, try_advice
 from lab.analysis.verdicts.verdict import Verdict
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.views.ensemble_cards import inside
+from lab.views.ensemble_cards import describe_coverage
 from lab.views.figures import TimeAxis
 from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY
 from lab.views.time_figures import TimeFigures
@@ -100,7 +100,7 @@ class Consistency(ComputedPage):
         self._follow = pmui.Button(
             label="Apply the advice", size="small", margin=(4, 12), visible=False, tags=[SETTING]
         )
-        self._follow.on_click(lambda _event: self._followed())
+        self._follow.on_click(lambda _event: self._follow_advice())
         self._tables = _html()
         self._plots_of_one = plot_grid(self._one.figures, 2, 210, beside=TABLES)
         self._plots_of_many = plot_grid(self._many.figures, 2, 300, beside=TABLES)
@@ -139,7 +139,7 @@ class Consistency(ComputedPage):
         if result is not self._wanted:
             self._work.cancel()
             self._wanted = self._content = None
-        self.say(_what_is_judged(result))
+        self.say(_describe_judged(result))
         self._one.show(result, self.held())
         self._lay_out(self._plots_of_one)
         if not can_be_tried(result.verdict, result.algorithm) and not may_suggest(result):
@@ -147,13 +147,13 @@ class Consistency(ComputedPage):
             return
         if self._content is None:
             self._write(result)
-        self.working = _what_is_judged(result)
+        self.working = _describe_judged(result)
         super().draw(result)
 
     def work_out(self, result: Result, progress: Progress) -> Ensemble | Verdict:
         """Try the advice on one run, or run the selected number of seeds and judge them together."""
         if self.runs == 1:
-            return with_suggestions(tried(result.verdict, [result], progress), result, progress)
+            return with_suggestions(try_advice(result.verdict, [result], progress), result, progress)
         found = ensemble(result, self.runs, progress, partial(self._of_some, result))
         _ = found.consistency, found.innovation_verdict, found.whiteness, found.coverage, found.tried_verdict
         return found
@@ -208,7 +208,7 @@ class Consistency(ComputedPage):
         """
         if isinstance(content, Verdict):
             self._write(result, content)
-            return escape(_what_is_judged(result))
+            return escape(_describe_judged(result))
         self._draw_runs(content, content.tried_verdict)
         return escape(over_seeds(content))
 
@@ -226,11 +226,11 @@ class Consistency(ComputedPage):
             f'<div class="tables">{"".join(f"<div>{table}</div>" for table in tables)}</div>'
         )
 
-    def _followed(self) -> None:
+    def _follow_advice(self) -> None:
         """Change the settings of the session as the first advice says that was tried."""
         if self._session is None or self._result is None or not self._changes:
             return
-        changed = advised(self._result, self._changes)
+        changed = apply_changes(self._result, self._changes)
         assert isinstance(changed, Experiment)
         try:
             self._session.accept(changed)
@@ -257,7 +257,7 @@ def _html() -> pn.pane.HTML:
     return wide_html(margin=(4, 12), stylesheets=[_STYLE])
 
 
-def _what_is_judged(result: Result) -> str:
+def _describe_judged(result: Result) -> str:
     if not result.realisation:
         return "A sensor log has no random draws, so this one run is judged, by its innovations."
     return f"The flight shown, {result.realisation}."
@@ -274,7 +274,8 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
         for number, finding in enumerate(verdict.findings)
     )
     findings += "".join(
-        f"<p>{escape(as_seen(one.sentence))} {_bold(one.counsel)}</p>" for one in verdict.suggestions
+        f"<p>{escape(as_seen(one.sentence))} {_format_counsel(one.counsel)}</p>"
+        for one in verdict.suggestions
     )
     alone = ""
     if verdict.basis != by_innovations.basis:  # they are the same for a sensor log
@@ -292,10 +293,10 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
 def _advice(finding: Finding, *, tried: bool) -> str:
     if finding.changes and not tried:
         return "Trying the advice …"
-    return _bold(finding.counsel)
+    return _format_counsel(finding.counsel)
 
 
-def _bold(counsel: str) -> str:
+def _format_counsel(counsel: str) -> str:
     return escape(as_seen(counsel)).replace("Try:", "<b>Try:</b>", 1)
 
 
@@ -303,7 +304,7 @@ def over_seeds(ensemble: Ensemble) -> str:
     """Return which runs are judged, and how often their averages lie in their intervals."""
     return (
         f"{len(ensemble.seeds)} flights, seeds {ensemble.seeds[0]} to {ensemble.seeds[-1]}. "
-        f"{ensemble.remark} {inside(ensemble)}"
+        f"{ensemble.remark} {describe_coverage(ensemble)}"
     )
 
 

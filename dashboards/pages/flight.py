@@ -5,7 +5,7 @@ from __future__ import annotations
 from dashboards.pages.time_plots import Plots, TimePlots
 from lab.experiment.result import Result
 from lab.views.flight_plots import FLIGHT, sensor_plots
-from lab.views.quantities import TEMPERATURE, kinds_of
+from lab.views.quantities import TEMPERATURE, kinds_of_aids
 
 
 class FlightPlots(TimePlots):
@@ -18,4 +18,4 @@ class FlightPlots(TimePlots):
     def wanted(self, result: Result) -> Plots:
         """Return the plots for a result; the temperature has the full width."""
         rest = (TEMPERATURE,) if result.has_temperature else ()
-        return (FLIGHT + sensor_plots(kinds_of(result)), *rest)
+        return (FLIGHT + sensor_plots(kinds_of_aids(result)), *rest)

@@ -8,7 +8,7 @@ from dashboards.pages.base import Page, plot_grid
 from lab.experiment.result import Result
 from lab.views.autocorrelation import AutocorrelationFigures
 from lab.views.figures import TimeAxis
-from lab.views.quantities import INNOVATIONS, aid_plots, kinds_of
+from lab.views.quantities import INNOVATIONS, aid_plots, kinds_of_aids
 from lab.views.time_figures import TimeFigures
 
 
@@ -44,7 +44,7 @@ class Innovations(Page):
 
     def prepare(self, result: Result) -> None:
         """Compute the innovations and their autocorrelation."""
-        if self._shown == kinds_of(result):
+        if self._shown == kinds_of_aids(result):
             grid = self._grid(self._shown)
             grid.fixes.prepare(result)
             if grid.aids:
@@ -53,7 +53,7 @@ class Innovations(Page):
 
     def draw(self, result: Result) -> None:
         """Draw a result."""
-        self._shown = kinds_of(result)
+        self._shown = kinds_of_aids(result)
         grid = self._grid(self._shown)
         grid.fixes.show(result, self.held())
         grid.lags.show(result)

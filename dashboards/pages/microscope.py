@@ -9,7 +9,7 @@ import numpy as np
 import panel as pn
 
 from dashboards.computing import Outcome
-from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.base import make_hideable, plot_grid
 from dashboards.pages.computed import ComputedPage
 from dashboards.style import plain_column, wide_html
 from lab.base.progress import Progress
@@ -59,7 +59,7 @@ class Microscope(ComputedPage):
         """Return the sentence, the ellipses of the innovation, and the numbers."""
         self._fix = 0
         self._ellipses = EllipseFigures()
-        self._plots = hideable(plot_grid(self._ellipses.figures, 2, least=320, beside=inf))
+        self._plots = make_hideable(plot_grid(self._ellipses.figures, 2, least=320, beside=inf))
         self._html = wide_html(margin=(4, 20), stylesheets=[_STYLE])
         return plain_column(self.words, self._plots, self._html)
 
@@ -72,7 +72,7 @@ class Microscope(ComputedPage):
 
     def draw(self, result: Result) -> None:
         """Begin with the fix at the time cursor."""
-        self._fix = self._at(result, self.axis.time)
+        self._fix = self._find_update(result, self.axis.time)
         if self._content is not None and self._content[1].attrs["fix"] == self._fix:
             super().draw(result)
             return
@@ -87,7 +87,7 @@ class Microscope(ComputedPage):
         result = self._wanted
         if result is None:
             return
-        fix = self._at(result, time)
+        fix = self._find_update(result, time)
         if fix != self._fix:
             self._fix, self._content = fix, None
             if result.is_long:
@@ -118,16 +118,16 @@ class Microscope(ComputedPage):
             super()._arrive(result, outcome)
 
     @staticmethod
-    def _at(result: Result, time: float) -> int:
-        from lab.analysis.fix_update import fix_at  # noqa: PLC0415 - needed with the first result
+    def _find_update(result: Result, time: float) -> int:
+        from lab.analysis.fix_update import find_last_fix  # noqa: PLC0415 - needed with the first result
 
-        return max(fix_at(result, time), 0)
+        return max(find_last_fix(result, time), 0)
 
     def _sentence(self, result: Result, content: xr.Dataset) -> str:
         """Return what was done with the fix, and what there was since."""
         times, now = result.fixes.time, self.axis.time
         said, since = sentence(content, times.size), now - content.attrs["time"]
-        if self._at(result, now) == 0 and since < 0:
+        if self._find_update(result, now) == 0 and since < 0:
             said = f"The filter has not updated yet; this is its first fix. {said}"
         elif times.size > 1 and since > LATE * float(np.median(np.diff(times))):
             said += f" No fix came in the {since:.3g} s since: the filter only predicts, and updates nothing."

@@ -7,7 +7,7 @@ from pathlib import Path
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.base import OwnPage, hideable
+from dashboards.pages.base import OwnPage, make_hideable
 from dashboards.pages.missions.job import Job
 from dashboards.pages.summary import TABLE_STYLE
 from dashboards.style import plain_column, wide_html
@@ -46,7 +46,7 @@ class OtherFilters(OwnPage):
         self.words = wide_html(_WORDS, margin=(4, 20), stylesheets=[TABLE_STYLE])
         self._drawn_figure = ForeignFigure()
         self._pane = pn.pane.Bokeh(self._drawn_figure.figure, sizing_mode="stretch_width", margin=(4, 16))
-        self._plot = hideable(self._pane)
+        self._plot = make_hideable(self._pane)
         return plain_column(
             self._upload, self._smoother, plain_column(self.job.view, margin=(0, 16)), self._plot, self.words
         )

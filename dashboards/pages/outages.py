@@ -21,7 +21,7 @@ from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.experiment.outage_table import OutageTable
 from lab.sensors.cards import card, cards
-from lab.views.outage_view import curve_words, curves_of, drift_figure, table_html
+from lab.views.outage_view import choose_curves, curve_words, drift_figure, table_html
 
 PRESENT, EVERY = "Present settings", "All cards"
 SEEDS, MOST_SEEDS = 100, 1000
@@ -184,7 +184,7 @@ class Outages:
         if plan is not self._plan or self._document is None:
             return
         with together(self._document):
-            rows = curves_of(table)
+            rows = choose_curves(table)
             self._table.object = table_html(table) + (f"<p>{escape(curve_words(table))}</p>" if rows else "")
             figure = drift_figure(table, rows)
             figure.update(sizing_mode="stretch_width", height=420)

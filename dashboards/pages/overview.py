@@ -24,7 +24,7 @@ from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
-from lab.views.overview import BY_INNOVATIONS, OVERVIEW, Number, numbers_of, sentences_of
+from lab.views.overview import BY_INNOVATIONS, OVERVIEW, Number, describe_run, key_figures
 from lab.views.time_figures import TimeFigures
 from lab.views.time_plot import TimePlot
 from lab.views.track import TrackFigure
@@ -202,7 +202,7 @@ class Overview(ComputedPage):
 
     def work_out(self, result: Result, _progress: Progress) -> _Content:
         """Compute the figures."""
-        return _Content(sentences_of(result), numbers_of(result))
+        return _Content(describe_run(result), key_figures(result))
 
     def clear(self) -> None:
         """Show no figures."""

@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 
 from dashboards.exchange import Download
 from dashboards.field_text import shown
-from dashboards.pages.missions.entry_fields import sized
+from dashboards.pages.missions.entry_fields import layout_width
 from dashboards.session import Session
 from dashboards.style import whole_column, wide_html
 from lab.base.parameters.setting_error import SettingError
@@ -55,9 +55,13 @@ class SheetForm:
         self._session = session
         self.card: Card | None = None
         field = {"size": "small", "variant": "outlined", "margin": (6, 8)}
-        self._name = pmui.TextInput(label="Name of the sensor", value="my sensor", **field, **sized(190))
-        self._grade = pmui.Select(label="Grade", options=list(GRADES), value=GRADES[0], **field, **sized(150))
-        self._source = pmui.TextInput(label="Source: document and revision", **field, **sized(270))
+        self._name = pmui.TextInput(
+            label="Name of the sensor", value="my sensor", **field, **layout_width(190)
+        )
+        self._grade = pmui.Select(
+            label="Grade", options=list(GRADES), value=GRADES[0], **field, **layout_width(150)
+        )
+        self._source = pmui.TextInput(label="Source: document and revision", **field, **layout_width(270))
         self._numbers = pmui.TextAreaInput(
             label="Numbers", value=EXAMPLE, rows=7, max_length=8000, sizing_mode="stretch_width", **field
         )

@@ -11,12 +11,12 @@ from lab.experiment.scoreboard.comparison import RUN
 from lab.experiment.scoreboard.registry import REGISTRY, data_sets
 from lab.experiment.scoreboard.results import (
     RESULTS,
+    describe_standing,
     kept_rows,
-    notes_of,
+    list_notes,
     of_set,
     program_notes,
-    standing,
-    table_of,
+    tabulate_rows,
 )
 
 
@@ -37,14 +37,14 @@ def _lines() -> list[str]:
     kept, lines = kept_rows(), []
     for about in data_sets().values():
         rows = of_set(kept, about.name)
-        titles, cells = table_of(about, rows)
-        sentence, basis = standing(about, rows)
+        titles, cells = tabulate_rows(about, rows)
+        sentence, basis = describe_standing(about, rows)
         lines += [f"**{about.name}**: {about.title}. {about.source}, {about.licence}.", ""]
         lines += ["| " + " | ".join(line) + " |" for line in (titles, ["---"] * len(titles), *cells)]
         dates = sorted({row.date for row in rows if row.outcome == RUN})
         on = f" On {', '.join(dates)}." if dates else ""
         lines += ["", f"{sentence} *{basis}.*{on}", ""]
-        lines += [*(f"- {note}" for note in notes_of(about)), ""]
+        lines += [*(f"- {note}" for note in list_notes(about)), ""]
     notes = program_notes([one.row for one in kept])
     return [*lines, *(f"- {note}" for note in notes), ""]
 

@@ -268,10 +268,10 @@ def _fit_axis(
     weighted = _weighted(terms, variance, degrees)
     if not weighted[:-1].any():  # a ramp alone is deterministic
         return weighted, np.zeros(len(LETTERS)), np.array((0.0, 0.0, 1.0))
-    squares, uncertain, goodness = _generalised(terms, variance, weighted, together)
+    squares, uncertain, goodness = fit_by_generalised_least_squares(terms, variance, weighted, together)
     if goodness[2] >= FITS:
         return squares, uncertain, goodness
-    weights = np.sqrt(degrees / 2) / np.maximum(terms @ weighted, _least(variance))
+    weights = np.sqrt(degrees / 2) / np.maximum(terms @ weighted, negligible_variance(variance))
     scaled = terms * weights[:, None]
     norms = _norms(scaled)
     gain = np.linalg.pinv(scaled / norms) * weights / norms[:, None]
@@ -280,7 +280,7 @@ def _fit_axis(
     return weighted, uncertain, goodness
 
 
-def _generalised(
+def fit_by_generalised_least_squares(
     terms: FloatArray, variance: FloatArray, squares: FloatArray, together: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the terms from generalised least squares, and the goodness of the fit.
@@ -289,7 +289,7 @@ def _generalised(
     returned square is then zero.
     """
     for _ in range(_GENERALISED):
-        freed = _freed(squares, together)
+        freed = whiten_free_terms(squares, together)
         scaled = freed @ terms
         norms = _norms(scaled)
         inverse = np.linalg.pinv(scaled / norms)
@@ -303,11 +303,11 @@ def _generalised(
 
 def _weighted(terms: FloatArray, variance: FloatArray, degrees: FloatArray) -> FloatArray:
     """Return the squares of the terms by least squares, weighted by the fit and its degrees of freedom."""
-    model = np.maximum(variance, _least(variance))
+    model = np.maximum(variance, negligible_variance(variance))
     for _ in range(_REWEIGHTINGS):
         weights = np.sqrt(degrees / 2) / model
         squares = _positive(terms * weights[:, None], variance * weights)
-        model = np.maximum(terms @ squares, _least(variance))
+        model = np.maximum(terms @ squares, negligible_variance(variance))
     return squares
 
 
@@ -324,12 +324,12 @@ def _norms(columns: FloatArray) -> FloatArray:
     return np.where(norms > 0, norms, 1.0)
 
 
-def _least(variance: FloatArray) -> float:
+def negligible_variance(variance: FloatArray) -> float:
     """Return a negligible variance."""
     return 1e-12 * float(variance.max())
 
 
-def _freed(squares: FloatArray, together: FloatArray) -> FloatArray:
+def whiten_free_terms(squares: FloatArray, together: FloatArray) -> FloatArray:
     """Return the whitening matrix (r, k) of the estimates for the given terms."""
     spread = np.einsum("a,b,abij->ij", squares, squares, together)
     sigma = np.sqrt(np.diag(spread))
@@ -352,7 +352,7 @@ def _goodness(
     model = terms @ squares
     relative = np.sqrt(np.einsum("a,b,abii->i", squares, squares, together)) / model
     residual = 3 * model * (np.cbrt(variance / model) - 1 + relative**2 / 9) + model - terms @ found
-    freed = _freed(squares, together)
+    freed = whiten_free_terms(squares, together)
     chi_square = float(np.sum((freed @ residual) ** 2))
     degrees = freed.shape[0] - len(LETTERS)
     p_value = float(special.gammaincc(degrees / 2, chi_square / 2)) if degrees > 0 else 1.0

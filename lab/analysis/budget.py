@@ -44,7 +44,7 @@ from lab.analysis.error_sources import (
     processes,
 )
 from lab.analysis.errors import euler_sigma, output_map
-from lab.analysis.gains import Epochs, Update, epochs_of, is_corrected, updates_of
+from lab.analysis.gains import Epochs, Update, choose_epochs, is_corrected, iterate_updates
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, FlightArrays, N, Processes, Transition, transition
 from lab.base.arrays import FloatArray
@@ -56,7 +56,7 @@ from lab.motion.frames.rotation import euler_from_quaternion, euler_jacobian
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ATT, MODELS, POS, STATES, VEL
 from lab.run.run import Run
-from lab.sensors.gps import within
+from lab.sensors.gps import mask_within
 from lab.sensors.imu_errors import OFF_DIAGONAL
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def error_budget(run: Run) -> xr.Dataset:
     constant = constants(experiment, run.aligned, run.blocks)
     random = processes(experiment, ideal, float(run.time[-1]))
     known = known_errors(run)
-    epochs = epochs_of(run)
+    epochs = choose_epochs(run)
     names = [source.name for part in (constant, known, random) for source in part]
     return _dataset(run, names, epochs, _Propagation(run, constant, random, known).run(epochs))
 
@@ -180,7 +180,7 @@ def check_rest(run: Run) -> None:
 
 def check_feedforward(run: Run) -> None:
     """Raise `SettingError` for a run whose navigator runs free beyond the linear model."""
-    drift, limit = feedforward.free_run_of(run)
+    drift, limit = feedforward.measure_free_run(run)
     if drift > limit:
         waits = run.experiment.navigator.correction == "feedback"
         raise SettingError(
@@ -240,10 +240,10 @@ class _Propagation:
         self.columns[:n, : self.drawn] = np.concatenate([source.start for source in constants], axis=1)
         self.columns[:NAV] = np.linalg.solve(self._maps(np.zeros(1, dtype=np.int64))[0], self.columns[:NAV])
         errors = run.experiment.sensors.gps
-        bad = within(errors.quality_steps, run.fixes.time)
+        bad = mask_within(errors.quality_steps, run.fixes.time)
         self.own_steps: dict[int, tuple[FloatArray, FloatArray]] = {}  # by the number of samples
         self.grade = np.where(bad, errors.quality_factor, 1.0)
-        self.shown = [shown_in(source, run.blocks) for source in processes]
+        self.shown = [find_affected_states(source, run.blocks) for source in processes]
         self.P = np.zeros((len(processes), self.own.stop, self.own.stop))
         for P, source in zip(self.P, processes, strict=True):
             if source.settled:
@@ -256,7 +256,7 @@ class _Propagation:
         before, row = 0, 0
         self.map = dict(zip(epochs.sample.tolist(), self._quantities(epochs.sample), strict=True))
         place = np.column_stack((self.flight.latitude[epochs.sample], self.flight.longitude[epochs.sample]))
-        updates = updates_of(self.result, epochs, place)
+        updates = iterate_updates(self.result, epochs, place)
         for sample, fix, aid, shown, update in zip(*(part.tolist() for part in epochs), updates, strict=True):
             self._propagate(before, sample, room)
             if update is not None:
@@ -287,7 +287,7 @@ class _Propagation:
         """Go from one sample to another."""
         there = self.flight.between(first, last)
         if self.corrected:
-            there = there._replace(dvelocity=self._gained(slice(first, last)))
+            there = there._replace(dvelocity=self._velocity_increments(slice(first, last)))
         series = np.ascontiguousarray(self.series[:, first:last])
         transition(there, 0, last - first, self.fade, self.sampled, series, step)
         estimates, own = self.estimates, self.own
@@ -320,7 +320,7 @@ class _Propagation:
         B[:, own, own], Q[:, own, own] = decay, drive
         self.P = B @ self.P @ B.mT + Q
 
-    def _gained(self, samples: slice) -> FloatArray:
+    def _velocity_increments(self, samples: slice) -> FloatArray:
         """Return the increments of velocity (k, 3) that the filter takes for true."""
         run, solution = self.result, self.result.solution_arrays
         parts = solution.bias[samples], solution.scale[samples], solution.further[samples]
@@ -387,7 +387,7 @@ class _Propagation:
         return np.concatenate((constant, np.maximum(random, 0)))
 
 
-def shown_in(source: Process, names: Sequence[str]) -> tuple[slice, float]:
+def find_affected_states(source: Process, names: Sequence[str]) -> tuple[slice, float]:
     """Return the states whose error includes c of a process, and its sign there; none for white noise.
 
     The true bias includes the instability, but not white noise. An error of a measurement is one of the state
@@ -398,15 +398,15 @@ def shown_in(source: Process, names: Sequence[str]) -> tuple[slice, float]:
     if source.channel <= ACCELEROMETER:
         drift = blocks.DRIFTS[source.channel]
         if source.name.endswith(INSTABILITY) and drift in names:
-            return blocks.states_of(names, drift), 1.0
+            return blocks.find_states(names, drift), 1.0
         return slice(NAV + 3 * source.channel, NAV + 3 * source.channel + 3), 1.0
     block = SLOW_ERRORS[source.channel]
-    return (blocks.states_of(names, block), -1.0) if block in names else (slice(0, 0), 0.0)
+    return (blocks.find_states(names, block), -1.0) if block in names else (slice(0, 0), 0.0)
 
 
 def acting_as_biases(names: Sequence[str]) -> NDArray[np.int64]:
     """Return the states that act on the navigator as biases do: biases, and the states of their drift."""
-    drifts = [blocks.states_of(names, name) for name in blocks.DRIFTS if name in names]
+    drifts = [blocks.find_states(names, name) for name in blocks.DRIFTS if name in names]
     return np.asarray(np.r_[NAV:N, *drifts], dtype=np.int64)
 
 

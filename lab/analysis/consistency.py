@@ -47,7 +47,7 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
         return np.zeros(0)
     if not np.isfinite(covariances).all():
         return np.full(vectors.shape[0], np.nan)
-    used = uncertain(covariances)
+    used = find_uncertain_states(covariances)
     if used.size < vectors.shape[1]:
         vectors, covariances = vectors[:, used], covariances[:, used[:, None], used]
     white = whitened(vectors[:, :, None], covariances, SINGULAR)
@@ -114,7 +114,7 @@ def _by_pseudoinverse(vectors: FloatArray, covariances: FloatArray) -> FloatArra
     return np.concatenate(found)
 
 
-def uncertain(covariances: FloatArray) -> NDArray[np.intp]:
+def find_uncertain_states(covariances: FloatArray) -> NDArray[np.intp]:
     """Return the indices of the states that have a variance at every epoch, given covariances (m, n, n)."""
     return np.flatnonzero((np.diagonal(covariances, axis1=1, axis2=2) > 0).all(axis=0))
 

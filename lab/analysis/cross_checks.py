@@ -80,7 +80,7 @@ def cross_checks(run: Repeatable, progress: Progress) -> CrossChecks:
     progress
         Called with a phrase and the fraction done, from 0 to 1.
     """
-    withheld, withheld_sigma = _withheld(run, progress)
+    withheld, withheld_sigma = _predict_withheld_fixes(run, progress)
     progress("smoothing", 0.75)
     nothing, problem = np.full(run.time.shape, np.nan), ""
     between = nothing, nothing, nothing, nothing
@@ -91,7 +91,7 @@ def cross_checks(run: Repeatable, progress: Progress) -> CrossChecks:
     return CrossChecks(run.time, run.fixes, withheld, withheld_sigma, *between, problem)
 
 
-def _withheld(run: Repeatable, progress: Progress) -> tuple[FloatArray, FloatArray]:
+def _predict_withheld_fixes(run: Repeatable, progress: Progress) -> tuple[FloatArray, FloatArray]:
     """Return the distances (m,) of withheld fixes from their predictions, and their σ [m]."""
     again = subject(run)
     first, last = again.span

@@ -146,7 +146,7 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
             each = np.einsum("c,ci,cj->cij", drawn, np.eye(3), np.eye(3))
             couplings = each, np.diag(scale)[None]
             sources = [
-                coupled(source.name, own, own, matrices)._replace(start=source.start)
+                coupled_source(source.name, own, own, matrices)._replace(start=source.start)
                 for source, matrices in zip(sources, couplings, strict=True)
             ]
         found += sources
@@ -155,12 +155,12 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
     uncoupled = np.zeros((aligned.noise.shape[1], 6, 6))
     noise = Constant("noise of the alignment", aligned.noise, uncoupled)
     found = [_with_room(source, names) for source in (*found, noise)]
-    found += [_considered(experiment, aligned, names, name) for name in blocks.CONSIDERED]
+    found += [_considered_source(experiment, aligned, names, name) for name in blocks.CONSIDERED]
     found += _of_measurements(experiment, names)
     return [source for source in found if source.start.any() or source.coupling.any()]
 
 
-def _considered(
+def _considered_source(
     experiment: ExperimentSettings, aligned: Aligned, names: Sequence[str], block: str
 ) -> Constant:
     """Return a source that an alignment considered, with the tilts and biases that this left.
@@ -173,17 +173,17 @@ def _considered(
     assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
     if block == blocks.GYRO_G:
         values = si(errors, "g_sensitivity") * (block in names)
-        source = coupled(block, own, slice(3, 6), np.diag(values)[None])
+        source = coupled_source(block, own, slice(3, 6), np.diag(values)[None])
     else:
         values = si(errors, "misalignment")
-        source = coupled(block, own, own, imu.misalignment(errors)[None])
+        source = coupled_source(block, own, own, imu.misalignment(errors)[None])
     if aligned.considered.size:
         first = sum(blocks.block(name).size for name in blocks.CONSIDERED[: blocks.CONSIDERED.index(block)])
         columns = aligned.considered[:, first : first + values.size]
         source = source._replace(start=columns @ np.sign(values)[:, None])
     source = _with_room(source, names)
     if block in names:
-        source.start[blocks.states_of(names, block), 0] = -values
+        source.start[blocks.find_states(names, block), 0] = -values
         source = source._replace(coupling=np.zeros_like(source.coupling))
     return source
 
@@ -222,7 +222,7 @@ def _of_block(name: str, names: Sequence[str], block: str, values: FloatArray) -
     size = blocks.block(block).size
     columns = np.broadcast_to(values, (size,)).reshape(size, 1) if np.ndim(values) < 2 else values
     start = np.zeros((blocks.count(names), columns.shape[1]))
-    start[blocks.states_of(names, block)] = columns
+    start[blocks.find_states(names, block)] = columns
     return Constant(name, start, np.zeros((columns.shape[1], 6, 6)))
 
 
@@ -233,7 +233,7 @@ def initial(name: str, block: slice, columns: FloatArray) -> Constant:
     return Constant(name, start, np.zeros((columns.shape[0], 6, 6)))
 
 
-def coupled(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Constant:
+def coupled_source(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Constant:
     """Return a source proportional to rate or force, from (c, 3, 3) matrices."""
     coupling = np.zeros((matrices.shape[0], 6, 6))
     coupling[:, rows, columns] = matrices

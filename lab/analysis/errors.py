@@ -128,7 +128,7 @@ def _error_near_pole(solution: Solution, samples: NDArray[np.int64], truth: Trut
     here, velocity_n = solution.position[samples], solution.velocity_n[samples]
     C_ec, C_en = ecef.axes(here[:, 0], here[:, 1]), ecef.axes(truth.latitude, truth.longitude)
     off = -ecef.displacement(here, truth.position)
-    faster = velocity_n - ecef.resolved(truth.velocity_n, truth.position, here)
+    faster = velocity_n - ecef.resolve_elsewhere(truth.velocity_n, truth.position, here)
     true_attitude = Rotation.from_matrix(C_ec.transpose(0, 2, 1) @ C_en) * Rotation.from_quat(
         truth.q_nb, scalar_first=True
     )
@@ -207,7 +207,7 @@ def output_map(position: FloatArray, velocity_n: FloatArray) -> FloatArray:
     return T
 
 
-def path_of(time: FloatArray, period: float) -> NDArray[np.int64]:
+def choose_path_samples(time: FloatArray, period: float) -> NDArray[np.int64]:
     """Return the samples of the path.
 
     Errors jump at the fixes. So the number of samples from one to the next has no factor in common with that
@@ -247,7 +247,9 @@ def outage_ends(
     return np.maximum(np.searchsorted(time, np.array(ends, dtype=np.float64) - half) - 1, 0)
 
 
-def errors_of(position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray, truth: Truth) -> FloatArray:
+def compute_errors(
+    position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray, truth: Truth
+) -> FloatArray:
     """Return errors (m, 9) east, north, up [m], [m/s], and of roll, pitch, heading [°].
 
     Parameters

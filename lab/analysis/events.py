@@ -59,7 +59,7 @@ def events(run: Run) -> list[Event]:
     found = [
         Event(one.kind, one.start, one.end, one.name) for one in manoeuvres(run.flown) if one.kind != QUIET
     ]
-    return [*found, *_outages(run), *_rejected(run), *_saturated(run)]
+    return [*found, *_outages(run), *_rejection_events(run), *_saturation_events(run)]
 
 
 def _outages(run: Run) -> Iterator[Event]:
@@ -83,26 +83,27 @@ def _gaps(times: FloatArray, start: float, end: float) -> list[tuple[float, floa
         return [(start, end)]
     edges = np.concatenate(([start], times, [end]))
     return [
-        (float(edges[at]), float(edges[at + 1])) for at in np.flatnonzero(np.diff(edges) > _longest(times))
+        (float(edges[at]), float(edges[at + 1]))
+        for at in np.flatnonzero(np.diff(edges) > _longest_gap(times))
     ]
 
 
-def _longest(times: FloatArray) -> float:
+def _longest_gap(times: FloatArray) -> float:
     """Return the longest time between two fixes without any missing [s]."""
     return MISSING * float(np.median(np.diff(times))) if times.size > 1 else np.inf
 
 
-def _rejected(run: Run) -> Iterator[Event]:
+def _rejection_events(run: Run) -> Iterator[Event]:
     """Iterate over the fixes that the gate rejected; those in a row, with none missing, are one event."""
     times, rejected = run.fixes.time, np.asarray(run.solution_arrays.fix_rejected, dtype=bool)
-    breaks = np.flatnonzero((np.diff(times) > _longest(times)) | (np.diff(rejected) != 0)) + 1
+    breaks = np.flatnonzero((np.diff(times) > _longest_gap(times)) | (np.diff(rejected) != 0)) + 1
     for row in np.split(np.arange(times.size), breaks):
         if row.size and rejected[row[0]]:
             words = "rejected fix" if row.size == 1 else f"{row.size} rejected fixes"
             yield Event(REJECTED, float(times[row[0]]), float(times[row[-1]]), words)
 
 
-def _saturated(run: Run) -> Iterator[Event]:
+def _saturation_events(run: Run) -> Iterator[Event]:
     """Iterate over the stretches of time in which an axis of a sensor is at the end of its range."""
     for name, measured in (("gyros", run.gyro), ("accelerometers", run.accelerometer)):
         if not measured.saturated:
@@ -119,7 +120,7 @@ def _at_limit(measured: Measured) -> NDArray[np.bool_]:
     return np.asarray((sizes >= AT_LIMIT * sizes.max()).any(axis=1))
 
 
-def drawn(found: list[Event], duration: float) -> list[Event]:
+def merge_close_events(found: list[Event], duration: float) -> list[Event]:
     """Return events as a lane has room for: faults that nearly touch are one, brief manoeuvres are omitted.
 
     Parameters

@@ -128,12 +128,12 @@ def _in_earth_axes(position: FloatArray, q_nb: FloatArray) -> Rotation:
     return C_en * Rotation.from_quat(q_nb, scalar_first=True)
 
 
-def free_run_of(run: Run) -> FreeRun:
+def measure_free_run(run: Run) -> FreeRun:
     """Return how far the navigator of a run runs free; a user's algorithm corrects its own."""
-    return CORRECTED if run.algorithm else FreeRun(drift_of(run), limit_of(run))
+    return CORRECTED if run.algorithm else FreeRun(largest_attitude_drift(run), attitude_limit(run))
 
 
-def drift_of(run: Run) -> float:
+def largest_attitude_drift(run: Run) -> float:
     """Return the largest attitude error of the navigator while it runs free, as estimated [rad].
 
     Zero for a filter that corrects its navigator at each measurement, and for a user's algorithm.
@@ -146,11 +146,11 @@ def drift_of(run: Run) -> float:
     navigator = run.experiment.navigator
     if run.algorithm or (navigator.correction == "feedback" and not navigator.correction_period):
         return 0.0
-    ends = [*corrected_at(run), run.time.size - 1]
+    ends = [*find_corrections(run), run.time.size - 1]
     return max(_drift_between(run, first, last) for first, last in pairwise(ends) if first < last)
 
 
-def limit_of(run: Run) -> float:
+def attitude_limit(run: Run) -> float:
     """Return the attitude error of a free-running navigator up to which the filter is linear enough [rad]."""
     navigator, R = run.experiment.navigator, run.solution_arrays.fix_R
     if navigator.correction != "feedback" or not navigator.correction_period or not R.size:
@@ -163,7 +163,7 @@ def limit_of(run: Run) -> float:
     )
 
 
-def corrected_at(run: Run) -> list[int]:
+def find_corrections(run: Run) -> list[int]:
     """Return the first sample, and those at which the navigator was corrected."""
     navigator, solution = run.experiment.navigator, run.solution_arrays
     found = [0]

@@ -74,7 +74,7 @@ def motion_at_fixes(
         solution.q_nb[window[1]],
         sums_between(imu.dtheta, *window),
         ends,
-        _gained_until(solution, ends, imu),
+        _sum_velocity_increments(solution, ends, imu),
     )
 
 
@@ -133,7 +133,7 @@ def motion_of(
     )
 
 
-def _gained_until(solution: Solution, ends: NDArray[np.intp], imu: Imu) -> FloatArray:
+def _sum_velocity_increments(solution: Solution, ends: NDArray[np.intp], imu: Imu) -> FloatArray:
     """Return the sums of the velocity increments, resolved in n, up to some samples (m,) [m/s]."""
     sums, running = np.zeros((ends.size, 3)), np.zeros((AT_ONCE + 1, 3))
     for first in range(0, imu.dvelocity.shape[0], AT_ONCE):
@@ -169,7 +169,7 @@ def sums_between(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.i
     return np.asarray(np.sum(there, axis=1, dtype=np.float64))
 
 
-def causes_of(motion: MotionAtFixes) -> FloatArray:
+def error_per_cause(motion: MotionAtFixes) -> FloatArray:
     """Return the error (…, m, 6, CAUSES) of the fixes for each second of latency and metre of lever arm.
 
     A fix with the latency τ reports p(t − τ) and v(t − τ). A fix of an antenna at l reports p + C_nb l and v
@@ -339,13 +339,13 @@ def write_imu_columns(
         (VEL, -1, force_b, blocks.ACCEL_SCALE, blocks.ACCEL_MISALIGNMENT),
     ):
         if scale in names:
-            F[:, rows, blocks.states_of(names, scale)] = sign * C_nb * shown[:, None, :]
+            F[:, rows, blocks.find_states(names, scale)] = sign * C_nb * shown[:, None, :]
         if misalignment in names:
-            F[:, rows, blocks.states_of(names, misalignment)] = (
+            F[:, rows, blocks.find_states(names, misalignment)] = (
                 sign * C_nb[:, :, _ROWS] * shown[:, None, _COLUMNS]
             )
     if blocks.GYRO_G in names:
-        F[:, ATT, blocks.states_of(names, blocks.GYRO_G)] = C_nb * force_b[:, None, :]
+        F[:, ATT, blocks.find_states(names, blocks.GYRO_G)] = C_nb * force_b[:, None, :]
 
 
 def respond(

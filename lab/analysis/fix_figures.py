@@ -107,7 +107,7 @@ class FixFigures(NamedTuple):
 
 
 @inline_kernel
-def _wrapped(angle: float) -> float:
+def _wrap_angle(angle: float) -> float:
     """Return an angle brought to ±π."""
     return angle - TURN * math.floor(angle / TURN + 0.5)
 
@@ -117,7 +117,7 @@ def _offset(position: FloatArray, there: TruthArrays, k: int) -> Vector:
     """Return the displacement from the true position at time k, north, east, down of it [m]."""
     true, metres = there.position[k], there.metres[k]
     north = (position[0] - true[0]) * metres[0]
-    return north, _wrapped(position[1] - true[1]) * metres[1], true[2] - position[2]
+    return north, _wrap_angle(position[1] - true[1]) * metres[1], true[2] - position[2]
 
 
 @inline_kernel
@@ -130,7 +130,7 @@ def _euler(q: FloatArray) -> Vector:
 
 
 @inline_kernel
-def _turned(q: FloatArray, true: FloatArray) -> Vector:
+def _attitude_error(q: FloatArray, true: FloatArray) -> Vector:
     """Return φ of Ĉ_nb = exp(−[φ×]) C_nb [rad]."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     a, b, c, d = true[0], true[1], true[2], true[3]
@@ -196,7 +196,7 @@ def _put_errors(error: FloatArray, off: Vector, faster: Vector, turn: Vector) ->
     error[0], error[1], error[2] = off[1], off[0], -off[2]
     error[3], error[4], error[5] = faster[1], faster[0], -faster[2]
     for i in range(3):
-        error[6 + i] = DEGREES * _wrapped(turn[i])
+        error[6 + i] = DEGREES * _wrap_angle(turn[i])
 
 
 @inline_kernel
@@ -234,7 +234,7 @@ def _at_fixes(
         s = solution.fix_sample[fixes[m]]
         q, x = solution.q_nb[s], out.x[m]
         off, euler = _offset(solution.position[s], there, s), _euler(q)
-        phi = _turned(q, there.q_nb[s])
+        phi = _attitude_error(q, there.q_nb[s])
         x[0], x[1], x[2] = off
         x[6], x[7], x[8] = phi
         for i in range(3):
@@ -254,7 +254,7 @@ def _at_fixes(
 
 
 @allocating_kernel
-def _between(solution: Solution, before: Samples, there: TruthArrays, out: FixFigures) -> None:
+def _write_position_nees(solution: Solution, before: Samples, there: TruthArrays, out: FixFigures) -> None:
     """Write NEES of the position at some stored samples."""
     v, P = np.empty(3), np.empty((3, 3))
     root, row = np.empty((3, 3)), np.empty((2, 3))
@@ -269,7 +269,7 @@ def _between(solution: Solution, before: Samples, there: TruthArrays, out: FixFi
 
 
 @allocating_kernel
-def _along(motion: FloatArray, path: TruthArrays, out: FixFigures) -> None:
+def _write_path_errors(motion: FloatArray, path: TruthArrays, out: FixFigures) -> None:
     """Write rms and largest size of the errors along the path, and the length of the horizontal ones."""
     error = np.empty(QUANTITIES)
     out.rms[:] = 0.0
@@ -306,8 +306,8 @@ def _measure(
     out: FixFigures,
 ) -> None:
     _at_fixes(solution, fixes, there, bias, scale, further, out)
-    _between(solution, before, there, out)
-    _along(motion, path, out)
+    _write_position_nees(solution, before, there, out)
+    _write_path_errors(motion, path, out)
 
 
 def is_ready() -> bool:

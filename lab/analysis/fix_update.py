@@ -23,11 +23,11 @@ import numpy as np
 
 from lab.analysis.consistency import normalised_squares
 from lab.analysis.fix_causes import hold_heading
-from lab.analysis.identification.renavigation import measured
+from lab.analysis.identification.renavigation import sensor_data_of_run
 from lab.base.arrays import FloatArray
 from lab.base.histories import SINGLE
 from lab.navigation import navigator as linear
-from lab.navigation.belief import assumed_latency, schedule_of
+from lab.navigation.belief import assumed_latency, schedule_filter
 from lab.navigation.filters import unscented
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.log_navigation import navigate_log
@@ -118,7 +118,7 @@ def reason_without_updates(run: Run) -> str:
     return ""
 
 
-def fix_at(run: Run, time: float) -> int:
+def find_last_fix(run: Run, time: float) -> int:
     """Return the number of the last fix at a time or before [s]; −1 before the first."""
     slack = _SAME * float(run.time[1] - run.time[0])
     return int(np.searchsorted(run.fixes.time, time + slack, side="right")) - 1
@@ -196,10 +196,10 @@ def covariance_before(run: Run, fix: int) -> FloatArray:
         return np.asarray(again.solution.fix_covariance[fix])
     assert run.aligned is not None  # of a simulated run
     assert run.ideal is not None
-    imu, fixes = measured(run)
+    imu, fixes = sensor_data_of_run(run)
     R = np.broadcast_to(run.belief.R, (fixes.time.size, MEASUREMENTS, MEASUREMENTS)).copy()
     R[fix] += WITHHELD**2 * np.eye(MEASUREMENTS)
-    schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
+    schedule = schedule_filter(navigator, run.ideal.dt, imu.dtheta.shape[0])
     end = int(np.searchsorted(imu.time, fixes.time[fix] + _AFTER))
     imu = imu.until(min(end, imu.dtheta.shape[0]))
     given = fixes, run.aligned.start, run.belief._replace(R=R), schedule

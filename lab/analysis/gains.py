@@ -59,7 +59,7 @@ class Epochs(NamedTuple):
     shown: NDArray[np.bool_]
 
 
-def epochs_of(run: Run) -> Epochs:
+def choose_epochs(run: Run) -> Epochs:
     """Return the epochs: start, used measurements, end, and samples between, none far from the next.
 
     At one sample, the filter uses fixes after other measurements.
@@ -109,7 +109,7 @@ def is_corrected(run: Run) -> bool:
     return bool(run.experiment.navigator.correction == "feedback")
 
 
-def updates_of(run: Run, epochs: Epochs, place: FloatArray) -> Iterator[Update | None]:
+def iterate_updates(run: Run, epochs: Epochs, place: FloatArray) -> Iterator[Update | None]:
     """Yield the use of the measurement at each epoch; None where there is none.
 
     Parameters
@@ -189,7 +189,7 @@ def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: Fl
     in_body = MODELS[run.experiment.navigator.model].in_body and is_corrected(run)
     if in_body:
         about = vertical * held.any(axis=1, keepdims=True)
-        P = _before_turns(P, weighted @ innovation, about, _turns_near(run, fixes))
+        P = _before_turns(P, weighted @ innovation, about, _unmeasured_turns(run, fixes))
     # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b), except along what was held.
     K = P @ weighted
     hold_heading(K, np.arange(fixes.size), vertical, held)
@@ -207,7 +207,7 @@ def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: Fl
     ]
 
 
-def _turns_near(run: Run, fixes: NDArray[np.int64]) -> FloatArray:
+def _unmeasured_turns(run: Run, fixes: NDArray[np.int64]) -> FloatArray:
     """Return by how much the attitude changed in e at fixes (m, 3), less what the gyros measured [rad]."""
     solution, sample = run.solution_arrays, run.solution_arrays.fix_sample[fixes]
     after, before = (
@@ -265,6 +265,6 @@ def _aid_update(run: Run, aid: int, here: FloatArray) -> Update:
     sensor = SENSORS.get(kind)
     noise = {SENSOR_CHANNELS[sensor]: np.array([[1.0, 0.0, 0.0]])} if sensor else {}
     if kind == AIRSPEED:  # a change of the wind changes what is measured as H says
-        noise[WIND] = np.append(H[blocks.states_of(run.blocks, blocks.WIND)], 0.0)[None]
+        noise[WIND] = np.append(H[blocks.find_states(run.blocks, blocks.WIND)], 0.0)[None]
     turn = is_corrected(run) * K[ATT] * solution.aid_innovation[aid]
     return Update(H[None], K[:, None], noise, turn)

@@ -80,7 +80,9 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     assert isinstance(errors, TriadErrors)
     measured = run.accelerometer if number else run.gyro
     if not (
-        measured.saturated or any(errors.quantisation) or any(_has(errors, term) for term in TERMS.values())
+        measured.saturated
+        or any(errors.quantisation)
+        or any(_has_error(errors, term) for term in TERMS.values())
     ):
         return []  # without the memory for exact increments
     truth, kept = run.true_flight("budget")
@@ -113,7 +115,7 @@ def _errors_on_the_true_flight(
     for source, term in TERMS.items():
         compensated = experiment.sensors.temperature.compensation and source.startswith("temperature")
         is_state = term == "g_sensitivity" and GYRO_G in run.blocks
-        if not _has(errors, term) or compensated or is_state:
+        if not _has_error(errors, term) or compensated or is_state:
             continue
         quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
         quiet.set(term, getattr(errors, term))
@@ -151,20 +153,20 @@ def _errors_with_noise(
         walk=any(errors.rate_random_walk),
     )
 
-    def simulated(**changes: float) -> FloatArray:
+    def simulate_errors(**changes: float) -> FloatArray:
         changed = errors.copy()
         for term, value in changes.items():
             changed.set(term, value)
         return imu.measure(true, ideal.dt, changed, draws, imu.Environment(temperature, dvelocity)).increments
 
-    as_it_was = simulated()
+    as_it_was = simulate_errors()
     if saturated:
-        yield "range", as_it_was - simulated(range=errors.param["range"].bounds[1]), False
+        yield "range", as_it_was - simulate_errors(range=errors.param["range"].bounds[1]), False
     if coarse:
-        yield "quantisation", as_it_was - simulated(quantisation=0.0), False
+        yield "quantisation", as_it_was - simulate_errors(quantisation=0.0), False
 
 
-def _has(errors: TriadErrors, term: str) -> bool:
+def _has_error(errors: TriadErrors, term: str) -> bool:
     """Return whether the sensors of a triad have an error; not every error is one of both triads."""
     return term in errors.param and any(getattr(errors, term))
 
@@ -202,7 +204,9 @@ def _of_fixes(run: Run) -> list[Series]:
         axis=1,
     )
     no_inertial, no_aids = np.zeros((run.time.size - 1, 6)), np.zeros(run.aids.time.size)
-    moved = moved - _moved(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, assumed)
+    moved = (
+        moved - _displacement_at(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, assumed)
+    )
     arm = _lever_arm(run, fixes.time - errors.latency, si(errors, "lever_arm") - assumed)
     parts = {"GPS lever arm": arm, "GPS latency": moved - arm}
     apart = {"GPS lever arm": bool(arm.any()), "GPS latency": latency != errors.latency}
@@ -242,16 +246,16 @@ def _of_aids(run: Run) -> list[Series]:
     return [Series(name, no_inertial, no_fixes, errors) for name, errors in found.items()]
 
 
-def _moved(run: Run, times: FloatArray) -> FloatArray:
+def _displacement_at(run: Run, times: FloatArray) -> FloatArray:
     """Return displacement and velocity change of the IMU at some times (m,) relative to the time stamps."""
     truth, _ = run.true_flight("budget")
-    now, then = (_motion_at(truth, at) for at in (run.fixes.time, times))
+    now, then = (_interpolate_motion(truth, at) for at in (run.fixes.time, times))
     C_en = ecef.axes(*ecef.geodetic(now[:, :3]).T[:2])
     changes = (then - now).reshape(-1, 2, 3)
     return np.asarray((changes @ C_en).reshape(-1, 6))
 
 
-def _motion_at(truth: Truth, times: FloatArray) -> FloatArray:
+def _interpolate_motion(truth: Truth, times: FloatArray) -> FloatArray:
     """Return position and velocity (m, 6) in e at some times, linearly interpolated."""
     truth = truth.around(times)
     C_en = ecef.axes(truth.latitude, truth.longitude)

@@ -146,13 +146,13 @@ def _smoothing(f: FloatArray, cut: float) -> FloatArray:
     return np.asarray((1 - a) ** 2 / (1 - 2 * a * np.cos(2 * np.pi * f) + a**2))
 
 
-def _bent(f: FloatArray, cut: float, order: int) -> FloatArray:
+def _butterworth_power(f: FloatArray, cut: float, order: int) -> FloatArray:
     return np.asarray(
         1 / (1 + (np.tan(np.pi * np.minimum(f, _BELOW_HALF)) / np.tan(np.pi * cut)) ** (2 * order))
     )
 
 
-def _sampled(f: FloatArray, cut: float) -> FloatArray:
+def _sampled_power(f: FloatArray, cut: float) -> FloatArray:
     """Return the power of an analogue Butterworth filter with that of the frequencies which fold into it."""
 
     def folded(f: FloatArray) -> FloatArray:
@@ -163,10 +163,10 @@ def _sampled(f: FloatArray, cut: float) -> FloatArray:
 
 SHAPES: dict[str, Callable[[FloatArray, float], FloatArray]] = {
     "exponential smoothing": _smoothing,
-    "first order, bilinear": lambda f, cut: _bent(f, cut, 1),
+    "first order, bilinear": lambda f, cut: _butterworth_power(f, cut, 1),
     "exponential smoothing twice": lambda f, cut: _smoothing(f, cut / _TWICE) ** 2,
-    "Butterworth, bilinear": lambda f, cut: _bent(f, cut, 2),
-    "Butterworth, sampled": _sampled,
+    "Butterworth, bilinear": lambda f, cut: _butterworth_power(f, cut, 2),
+    "Butterworth, sampled": _sampled_power,
 }
 """Power of each filter at frequencies and a cut-off in sampling rates, 1 at frequency 0."""
 
@@ -220,16 +220,16 @@ def find(rates: FloatArray, dt: float) -> Found:
     if len(rates) < LIMITS.least or not alive.any():
         return Found(None, white, sigma)
     spectrum = _spectrum(rates[:, alive])
-    best = plain = _fitted(spectrum, np.ones_like(spectrum.f))
-    fits = [_best(spectrum, shape) for shape in SHAPES]
+    best = plain = _fit_noise_terms(spectrum, np.ones_like(spectrum.f))
+    fits = [_best_fit(spectrum, shape) for shape in SHAPES]
     filtered = min(fits, key=lambda one: one.cost)
     low_pass = None
     if 2 * (plain.cost - filtered.cost) / _FEWER >= LIMITS.likelihood:
-        explains = _excess(spectrum, filtered) < LIMITS.deviance
+        explains = _excess_deviance(spectrum, filtered) < LIMITS.deviance
         if explains or _has_fallen(spectrum, filtered):
             best = filtered
             low_pass = LowPass(best.cut / dt, best.shape, best.floor, explains)
-    if _excess(spectrum, best) < LIMITS.deviance:
+    if _excess_deviance(spectrum, best) < LIMITS.deviance:
         white[alive] = np.sqrt(best.squares[0] * (1 + best.floor) * dt)
         sigma[alive] = white[alive] * _uncertainty(spectrum, best, [plain, *fits])
     return Found(low_pass, white, sigma)
@@ -268,7 +268,7 @@ def _spectrum(rates: FloatArray) -> _Spectrum:
     return _Spectrum(centre, np.maximum(mean, 1e-300), np.where(gone | (used < 1), 0.0, used))
 
 
-def _fitted(spectrum: _Spectrum, gain: FloatArray, filtered: bool = False) -> _Fit:
+def _fit_noise_terms(spectrum: _Spectrum, gain: FloatArray, filtered: bool = False) -> _Fit:
     """Return the cost of the noise terms behind a filter, and their squares (terms, axes)."""
     f = spectrum.f
     columns = gain[:, None] * _terms(f)
@@ -276,10 +276,10 @@ def _fitted(spectrum: _Spectrum, gain: FloatArray, filtered: bool = False) -> _F
     columns = columns / scale
     cost, squares = 0.0, []
     for axis, count in zip(spectrum.power.T, spectrum.ordinates.T, strict=True):
-        smooth, found = _reweighted(columns[:, :-1], axis, count)
+        smooth, found = _fit_reweighted(columns[:, :-1], axis, count)
         found = np.append(found, 0.0)
         if not filtered:  # the rounding of the output comes behind the filter
-            other, more = _reweighted(columns, axis, count)
+            other, more = _fit_reweighted(columns, axis, count)
             if other < smooth - _PRICE:
                 smooth, found = other, more
         cost += smooth
@@ -287,7 +287,7 @@ def _fitted(spectrum: _Spectrum, gain: FloatArray, filtered: bool = False) -> _F
     return _Fit(cost, np.stack(squares, axis=1))
 
 
-def _reweighted(columns: FloatArray, power: FloatArray, count: FloatArray) -> tuple[float, FloatArray]:
+def _fit_reweighted(columns: FloatArray, power: FloatArray, count: FloatArray) -> tuple[float, FloatArray]:
     """Return the cost of the likeliest terms of a spectrum, and their squares."""
     from scipy.optimize import nnls  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
@@ -300,14 +300,14 @@ def _reweighted(columns: FloatArray, power: FloatArray, count: FloatArray) -> tu
     return float(np.sum(count * (np.log(model) + power / model))), found
 
 
-def _best(spectrum: _Spectrum, shape: str) -> _Fit:
+def _best_fit(spectrum: _Spectrum, shape: str) -> _Fit:
     """Return the best fit with a filter of a shape."""
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - takes a tenth of a second
 
     power = SHAPES[shape]
 
     def fit(cut: float, floor: float) -> _Fit:
-        found = _fitted(spectrum, power(spectrum.f, cut) + floor, filtered=True)
+        found = _fit_noise_terms(spectrum, power(spectrum.f, cut) + floor, filtered=True)
         return found._replace(shape=shape, cut=cut, floor=floor)
 
     cuts = np.geomspace(LIMITS.slowest, LIMITS.fastest, _GRID)
@@ -342,7 +342,7 @@ def _terms(f: FloatArray) -> FloatArray:
     return np.column_stack((np.ones_like(f), 1 / f, 1 / f**2, np.sin(np.pi * f) ** 2))
 
 
-def _excess(spectrum: _Spectrum, fit: _Fit) -> float:
+def _excess_deviance(spectrum: _Spectrum, fit: _Fit) -> float:
     """Return by how much the deviance of a fit exceeds that of chance, in σ of chance."""
     ratio = spectrum.power / np.maximum(_model(spectrum, fit), 1e-300)
     large = spectrum.ordinates >= _NORMAL

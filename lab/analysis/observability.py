@@ -21,7 +21,7 @@ from lab.analysis.budget import (
     quantities,
     sigma_of_quantities,
 )
-from lab.analysis.gains import epochs_of
+from lab.analysis.gains import choose_epochs
 from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
@@ -31,7 +31,7 @@ from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.schedule import EVERY_FIX
 from lab.navigation.filters.wander_models import linear_model
-from lab.navigation.frames import lead
+from lab.navigation.frames import set_motion
 from lab.navigation.navigator import advance, free_inertial
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.run.run import Run
@@ -110,18 +110,20 @@ def manoeuvres(truth: Truth) -> list[Manoeuvre]:
         [
             _mean(speed, width) < AT_REST,
             # One after the other: each takes 23 MB in four hours.
-            *_beyond(_mean(_heading_rate(truth, dt), width), TURNING),
-            *_beyond(_mean(_slope(speed, dt), width), ACCELERATING),
-            *_beyond(_mean(-down, width), CLIMBING),
+            *_exceeds_limit(_mean(_heading_rate(truth, dt), width), TURNING),
+            *_exceeds_limit(_mean(_slope(speed, dt), width), ACCELERATING),
+            *_exceeds_limit(_mean(-down, width), CLIMBING),
         ],
         np.arange(len(KINDS) - 1, dtype=np.int8),
         default=np.int8(len(KINDS) - 1),
     )
     starts = np.flatnonzero(np.append(True, kinds[1:] != kinds[:-1]))
-    return _named(_merged([KINDS[kinds[at]] for at in starts], truth.time[starts], float(truth.time[-1])))
+    return _name_stretches(
+        _merge_stretches([KINDS[kinds[at]] for at in starts], truth.time[starts], float(truth.time[-1]))
+    )
 
 
-def _beyond(values: FloatArray, limit: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _exceeds_limit(values: FloatArray, limit: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return where values are above a limit, and where they are below its opposite."""
     return values > limit, values < -limit
 
@@ -165,7 +167,7 @@ def _mean(values: FloatArray, width: int) -> FloatArray:
     return mean
 
 
-def _merged(kinds: list[str], starts: FloatArray, end: float) -> list[Manoeuvre]:
+def _merge_stretches(kinds: list[str], starts: FloatArray, end: float) -> list[Manoeuvre]:
     """Return the stretches, with too short ones merged."""
     found: list[Manoeuvre] = []
     for kind, start, until in zip(kinds, starts.tolist(), [*starts[1:].tolist(), end], strict=True):
@@ -177,7 +179,7 @@ def _merged(kinds: list[str], starts: FloatArray, end: float) -> list[Manoeuvre]
     return found
 
 
-def _named(stretches: list[Manoeuvre]) -> list[Manoeuvre]:
+def _name_stretches(stretches: list[Manoeuvre]) -> list[Manoeuvre]:
     """Return the stretches with their names, numbered if there are several of a kind."""
     kinds = [stretch.kind for stretch in stretches]
     for before, after in zip(range(len(kinds)), range(1, len(kinds)), strict=False):
@@ -219,7 +221,7 @@ def observability(run: Run) -> xr.Dataset:
 
     check_gains(run)
     units = quantities(run.blocks)
-    epochs = epochs_of(run)
+    epochs = choose_epochs(run)
     kept = epochs.sample[epochs.shown]
     found = manoeuvres(run.flown)
     edges = np.array([*(stretch.start for stretch in found), found[-1].end])
@@ -254,7 +256,7 @@ def observability(run: Run) -> xr.Dataset:
     )
 
 
-def straight_remark(run: Run) -> str:
+def describe_straight_flight(run: Run) -> str:
     """Return a sentence about the longest time in which no fix shows the heading; empty if it matters little.
 
     The fixes are those that held it (`lab.navigation.filters.heading_observability`).
@@ -289,7 +291,7 @@ def _free_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
     model = with_blocks(linear_model("phi", run.experiment.navigator.mechanization), run.blocks)
     variance, covariance = np.empty((samples.size, model.states)), np.empty((samples.size, 2, 3))
     if run.ideal is None:
-        led = _led(run, start, model)
+        led = _lead_along_fixes(run, start, model)
         variance[:], covariance[:] = led.variance[samples], led.covariance[samples]
     else:
         ideal = run.ideal
@@ -302,7 +304,7 @@ def _free_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
     return sigma_of_quantities(flight.taken(samples).euler, variance, covariance, run.blocks)
 
 
-def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
+def _lead_along_fixes(run: Run, start: Start, model: ErrorModel) -> Solution:
     """Return the solution of a log without fixes, reset to the estimated one at the time of each fix."""
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
@@ -320,7 +322,7 @@ def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
             EVERY_FIX,
             model,
         )
-        lead(coasting.state, led.position[end], led.velocity_n[end], led.q_nb[end])
+        set_motion(coasting.state, led.position[end], led.velocity_n[end], led.q_nb[end])
         coasting.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[end]
         done = end
     return out

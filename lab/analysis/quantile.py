@@ -82,10 +82,10 @@ def _median_unbiased(ordered: FloatArray, part: float) -> float:
     if not ordered.size:
         return float("nan")
     place = min(max((ordered.size + _THIRD) * part + _THIRD, 1.0), float(ordered.size))
-    return _between(ordered, int(place), place - int(place))
+    return _interpolate_sorted(ordered, int(place), place - int(place))
 
 
-def _between(ordered: FloatArray, number: int, part: float) -> float:
+def _interpolate_sorted(ordered: FloatArray, number: int, part: float) -> float:
     """Return what is a part of the way from a sorted value, counted from 1 on, to the next."""
     low = float(ordered[number - 1])
     if part <= 0 or not np.isfinite(low):
@@ -95,11 +95,11 @@ def _between(ordered: FloatArray, number: int, part: float) -> float:
 
 def _lower_end(ordered: FloatArray, part: float, missed: float) -> float:
     """Return the end that is above the quantile of the distribution with the probability `missed`."""
-    return _between(ordered, *_place(ordered.size, part, missed))
+    return _interpolate_sorted(ordered, *_quantile_position(ordered.size, part, missed))
 
 
 @functools.lru_cache(maxsize=1024)
-def _place(n: int, part: float, missed: float) -> tuple[int, float]:
+def _quantile_position(n: int, part: float, missed: float) -> tuple[int, float]:
     """Return after which of n sorted values the lower end is, and the part of the way to the next."""
     # P(value number r is below the quantile) = P(at least r of n are), which falls with r.
     below = scipy.stats.binom.sf(np.arange(n), n, part)

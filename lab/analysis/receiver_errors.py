@@ -182,10 +182,10 @@ def fit(fixes: FixSeries) -> AxisErrors:
     """
     kinds = int(fixes.kind.max()) + 1
     has_velocity = bool(np.isfinite(fixes.velocity).any())
-    scale = float(np.nanmedian(_claimed(fixes.position_sigma, POSITION_SIGMA)))
-    fast = float(np.nanmedian(_claimed(fixes.velocity_sigma, VELOCITY_SIGMA)))
+    scale = float(np.nanmedian(_claimed_sigma(fixes.position_sigma, POSITION_SIGMA)))
+    fast = float(np.nanmedian(_claimed_sigma(fixes.velocity_sigma, VELOCITY_SIGMA)))
     longest = max(LONGEST_PART * float(np.ptp(fixes.time)), 2 * SHORTEST)
-    first = _begin(fixes, kinds, has_velocity=has_velocity)
+    first = _initial_factors(fixes, kinds, has_velocity=has_velocity)
 
     def errors(x: FloatArray, *, slow: bool) -> AxisErrors:
         # A factor on the claimed σ, below which rounding leaves nothing.
@@ -207,20 +207,20 @@ def fit(fixes: FixSeries) -> AxisErrors:
     for _ in range(2):
         best, place = _search(cost, starts, outlier, errors)
         starts = [place]
-        outlier = judged(fixes, best).outlier
+        outlier = drop_outliers(fixes, best).outlier
         if not outlier.any():
             break
     return best if has_velocity else best._replace(velocity=math.nan)
 
 
-def _begin(fixes: FixSeries, kinds: int, *, has_velocity: bool) -> FloatArray:
+def _initial_factors(fixes: FixSeries, kinds: int, *, has_velocity: bool) -> FloatArray:
     """Return the logarithms of the factors of position, kind by kind, and velocity from second differences.
 
     What two neighbouring fixes differ by beyond the mean of their velocities has the variance
     2 σ_p² + Δt² σ_v²/2; second differences of the velocities have 6 σ_v². Motion adds to both.
     """
     dt = np.diff(fixes.time)[:, None]
-    own = _claimed(fixes.velocity_sigma, VELOCITY_SIGMA)
+    own = _claimed_sigma(fixes.velocity_sigma, VELOCITY_SIGMA)
     fast = np.full(1, 1.0)
     if has_velocity:
         fast = np.abs(np.diff(fixes.velocity, 2, axis=0) / own[1:-1]) / math.sqrt(6)
@@ -228,7 +228,7 @@ def _begin(fixes: FixSeries, kinds: int, *, has_velocity: bool) -> FloatArray:
         fall = math.sqrt(2)
     if not has_velocity or not np.isfinite(apart).any():
         apart, fall = np.diff(fixes.position, 2, axis=0), math.sqrt(6)
-    relative = np.abs(apart) / (fall * _claimed(fixes.position_sigma, POSITION_SIGMA)[-len(apart) :])
+    relative = np.abs(apart) / (fall * _claimed_sigma(fixes.position_sigma, POSITION_SIGMA)[-len(apart) :])
     kind = fixes.kind[-len(apart) :]
     sizes = [np.nanmedian(relative[kind == one]) if (kind == one).any() else 1.0 for one in range(kinds)]
     sizes.append(np.nanmedian(fast) if has_velocity else MEDIAN)
@@ -239,7 +239,7 @@ def with_motion(fixes: FixSeries, errors: AxisErrors) -> AxisErrors:
     """Return the errors with the motion that is most likely in some fixes, which is not the receiver's."""
 
     def cost(logarithm: float) -> float:
-        return -judged(fixes, errors._replace(motion=math.exp(logarithm))).likelihood
+        return -drop_outliers(fixes, errors._replace(motion=math.exp(logarithm))).likelihood
 
     found = optimize.minimize_scalar(cost, bounds=(-FAST, math.log(FASTEST)), method="bounded")
     return errors._replace(motion=math.exp(float(found.x)))
@@ -252,10 +252,10 @@ def _search(
     errors: Callable[..., AxisErrors],
 ) -> tuple[AxisErrors, FloatArray]:
     """Return the most likely errors, with a slow one if it pays, and the place of those without."""
-    plain = [_least(lambda x: cost(x, False, outlier), start) for start in starts]
+    plain = [_minimize_cost(lambda x: cost(x, False, outlier), start) for start in starts]
     place, without = min(plain, key=lambda one: one[1])
     found = [
-        _least(lambda x: cost(x, True, outlier), np.append(place, [float(place[0]), begin]))
+        _minimize_cost(lambda x: cost(x, True, outlier), np.append(place, [float(place[0]), begin]))
         for begin in SLOW_STARTS
     ]
     slow = min(found, key=lambda one: one[1])
@@ -272,7 +272,7 @@ def rounding(values: FloatArray) -> float:
     return ROUNDED * float(steps.min()) if steps.size else 0.0
 
 
-def _least(cost: Callable[[FloatArray], float], start: FloatArray) -> tuple[FloatArray, float]:
+def _minimize_cost(cost: Callable[[FloatArray], float], start: FloatArray) -> tuple[FloatArray, float]:
     """Return the place of the least cost, and the cost there."""
     found = optimize.minimize(
         cost,
@@ -302,8 +302,8 @@ def predict(fixes: FixSeries, errors: AxisErrors, outlier: NDArray[np.bool_] | N
         Components to leave out; by default those beyond `OUTLIER`.
     """
     count, axes = fixes.position.shape
-    white = errors.white[fixes.kind][:, None] * _claimed(fixes.position_sigma, POSITION_SIGMA)
-    fast = (1.0 if math.isnan(errors.velocity) else errors.velocity) * _claimed(
+    white = errors.white[fixes.kind][:, None] * _claimed_sigma(fixes.position_sigma, POSITION_SIGMA)
+    fast = (1.0 if math.isnan(errors.velocity) else errors.velocity) * _claimed_sigma(
         fixes.velocity_sigma, VELOCITY_SIGMA
     )
     seen = np.full((count, axes, 2), np.nan)
@@ -330,7 +330,7 @@ def predict(fixes: FixSeries, errors: AxisErrors, outlier: NDArray[np.bool_] | N
     return Predicted(seen, sizes, left, nis, degrees, likelihood)
 
 
-def judged(fixes: FixSeries, errors: AxisErrors) -> Predicted:
+def drop_outliers(fixes: FixSeries, errors: AxisErrors) -> Predicted:
     """Return the predictions without outliers; with too many of them, none is one."""
     found = predict(fixes, errors)
     if found.outlier.mean() <= MOST_OUTLIERS:
@@ -357,7 +357,7 @@ def quarters(squares: FloatArray, degrees: FloatArray) -> tuple[tuple[float, flo
     return (min(found), max(found)), any(apart)
 
 
-def followed(squares: FloatArray, degrees: FloatArray, memory: float) -> FloatArray:
+def expected_squares(squares: FloatArray, degrees: FloatArray, memory: float) -> FloatArray:
     """Return the mean square (m,) that is expected of each fix by those before it.
 
     Parameters
@@ -374,8 +374,8 @@ def followed(squares: FloatArray, degrees: FloatArray, memory: float) -> FloatAr
     return np.concatenate(([1.0], mean[:-1]))
 
 
-def memory_of(squares: FloatArray, degrees: FloatArray) -> tuple[float, float]:
-    """Return memory and scale of a σ that follows the innovations; see `followed`.
+def fit_memory(squares: FloatArray, degrees: FloatArray) -> tuple[float, float]:
+    """Return memory and scale of a σ that follows the innovations; see `expected_squares`.
 
     The squares of these fixes are one on average in what is expected of them, times the scale. It stands for
     the chance of an average over few fixes, whose inverse is too large on average. The memory is the one
@@ -388,7 +388,7 @@ def memory_of(squares: FloatArray, degrees: FloatArray) -> tuple[float, float]:
     """
 
     def tried(memory: float) -> tuple[float, float, float]:
-        expected = followed(squares, degrees, memory)
+        expected = expected_squares(squares, degrees, memory)
         scale = float(np.sum(squares / expected) / degrees.sum())
         likelihood = -0.5 * float(np.sum(degrees * np.log(scale * expected)) + degrees.sum())
         return likelihood, memory, scale
@@ -398,7 +398,7 @@ def memory_of(squares: FloatArray, degrees: FloatArray) -> tuple[float, float]:
     return best[1:] if best[0] > longest[0] + MEMORY_GAIN else longest[1:]
 
 
-def _claimed(sigma: FloatArray, otherwise: float) -> FloatArray:
+def _claimed_sigma(sigma: FloatArray, otherwise: float) -> FloatArray:
     """Return σ of fixes; where a receiver claims none, the one that factors refer to."""
     return np.asarray(np.where(np.isfinite(sigma), sigma, otherwise))
 

@@ -238,7 +238,7 @@ def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
     for triad, terms in found.items():
         record = records[triad]
         where = f"Allan deviation of {source}: {record.duration:.0f} s at rest, {1 / record.dt:.5g} Hz"
-        written, names = _supported(record, terms)
+        written, names = _supported_terms(record, terms)
         groups[triad] = {
             setting: Datum(
                 tuple(float(f"{value:.4g}") for value in fitted["value"]),
@@ -261,7 +261,7 @@ def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
     return Card(name=name, maker="", grade="own", note=note.strip(), terms=groups)
 
 
-def _supported(record: Record, terms: allan.NoiseTerms) -> tuple[allan.NoiseTerms, tuple[str, ...]]:
+def _supported_terms(record: Record, terms: allan.NoiseTerms) -> tuple[allan.NoiseTerms, tuple[str, ...]]:
     """Return terms for a card, and the names of those that the fit supports on all axes."""
     if (terms.p_value >= allan.FITS).all():
         return terms, tuple(TERMS.values())

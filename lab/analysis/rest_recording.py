@@ -19,7 +19,7 @@ from lab.analysis.allan import MIN_SAMPLES
 from lab.analysis.rest_samples import Samples, imu_samples
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.data.clock.faults import set_backs
 from lab.data.sheets.sheet_imu import in_order
 
@@ -169,27 +169,29 @@ def of_samples(samples: Mapping[str, Samples], remarks: Sequence[str] = ()) -> R
     MissionError
         If too much is missing, or the IMU was not at rest.
     """
-    even = {triad: _even(triad, *found) for triad, found in samples.items()}
+    even = {triad: _resample_evenly(triad, *found) for triad, found in samples.items()}
     said = list(remarks)
     for one in even.values():
         said += [remark for remark in one.remarks if remark not in said]
-    records, more = _undisturbed(even)
+    records, more = _cut_disturbances(even)
     for triad, record in records.items():
         _check_rest(triad, record)
     return RestRecords(records, [*said, *more])
 
 
-def _even(triad: str, time: FloatArray, values: FloatArray) -> _Even:
+def _resample_evenly(triad: str, time: FloatArray, values: FloatArray) -> _Even:
     """Return the samples of a triad with equal steps in time."""
     known = np.isfinite(values).all(axis=1) & np.isfinite(time)
     remarks = []
     if not known.all():
         count = int((~known).sum())
-        remarks.append(f"{counted(count, 'row')} without a number {'is' if count == 1 else 'are'} left out.")
+        remarks.append(
+            f"{count_noun(count, 'row')} without a number {'is' if count == 1 else 'are'} left out."
+        )
     time, values = time[known], values[known]
     if len(time) < MIN_SAMPLES:
         raise MissionError(f"{len(time)} samples; accepted are at least {MIN_SAMPLES}")
-    fresh, remark_of_polling = _fresh(values)
+    fresh, remark_of_polling = _find_new_samples(values)
     if remark_of_polling:
         rate = float(fresh.sum() / max(np.ptp(time), 1e-9))
         remarks.append(f"{remark_of_polling} The {triad}s measure {rate:.4g} times a second.")
@@ -201,7 +203,7 @@ def _even(triad: str, time: FloatArray, values: FloatArray) -> _Even:
         time = np.append(time[:row], time[row:] + size)
     rows, time, more = in_order(time, f"{triad}s")
     values, remarks = values[rows], [*remarks, *more]
-    first, last, remark = _longest(time)
+    first, last, remark = _find_longest_stretch(time)
     if remark:
         remarks.append(remark)
     time, values = time[first:last], values[first:last]
@@ -211,12 +213,13 @@ def _even(triad: str, time: FloatArray, values: FloatArray) -> _Even:
     lost, gaps = _lost(time, polled=bool(remark_of_polling))
     if lost > LIMITS.missing * len(time):
         raise MissionError(
-            f"{lost} of {lost + len(time)} samples are missing, in {counted(gaps, 'gap')}; accepted are "
+            f"{lost} of {lost + len(time)} samples are missing, in {count_noun(gaps, 'gap')}; accepted are "
             f"recordings of which at most {100 * LIMITS.missing:g} % are missing"
         )
     if lost:
         remarks.append(
-            f"{counted(lost, 'sample')} in {counted(gaps, 'gap')} {'is' if lost == 1 else 'are'} missing: "
+            f"{count_noun(lost, 'sample')} in {count_noun(gaps, 'gap')} {'is' if lost == 1 else 'are'} "
+            "missing: "
             "the samples beside are taken as neighbours."
         )
     dt = span / (len(time) - 1 + lost)
@@ -228,7 +231,7 @@ def _even(triad: str, time: FloatArray, values: FloatArray) -> _Even:
     return _Even(Record(values, dt), time, remarks)
 
 
-def _fresh(values: FloatArray) -> tuple[Flags, str]:
+def _find_new_samples(values: FloatArray) -> tuple[Flags, str]:
     """Return which samples are new, if a driver repeats the last one while the sensor has no other.
 
     Axes that are equal by chance, as numbers of few steps are, are so independently of each other.
@@ -249,7 +252,7 @@ def _fresh(values: FloatArray) -> tuple[Flags, str]:
     return np.append(True, ~all_same), f"{int(all_same.sum())} rows repeat the one before and are left out."
 
 
-def _longest(time: FloatArray) -> tuple[int, int, str]:
+def _find_longest_stretch(time: FloatArray) -> tuple[int, int, str]:
     """Return the rows from which to which the clock goes on with one rate for longest, and a remark."""
     steps = np.diff(time)
     breaks = np.flatnonzero((steps > LIMITS.longest_gap) | (steps < -LIMITS.longest_gap)) + 1
@@ -273,7 +276,7 @@ def _longest(time: FloatArray) -> tuple[int, int, str]:
         first,
         last,
         (
-            f"The clock jumps or changes its rate {counted(ends.size - 2, 'time')}: the longest piece, "
+            f"The clock jumps or changes its rate {count_noun(ends.size - 2, 'time')}: the longest piece, "
             f"{time[last - 1] - time[first]:.0f} s from {time[first]:.9g} s, is used."
         ),
     )
@@ -305,12 +308,12 @@ def _lost(time: FloatArray, polled: bool) -> tuple[int, int]:
     return int(np.round(extra[real]).sum()), int(real.sum())
 
 
-def _undisturbed(even: Mapping[str, _Even]) -> tuple[dict[str, Record], list[str]]:
+def _cut_disturbances(even: Mapping[str, _Even]) -> tuple[dict[str, Record], list[str]]:
     """Return the records without knocks and turns, which both triads show at one time, and a report."""
     spans = [span for one in even.values() for span in _disturbances(one)]
     if not spans:
         return {triad: one.record for triad, one in even.items()}, []
-    spans = _merged(spans)
+    spans = _merge_spans(spans)
     left_out = sum(end - begin for begin, end in spans)
     duration = max(one.record.duration for one in even.values())
     if left_out > LIMITS.moved * duration:
@@ -334,7 +337,7 @@ def _undisturbed(even: Mapping[str, _Even]) -> tuple[dict[str, Record], list[str
     return records, remarks
 
 
-def _merged(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _merge_spans(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     merged: list[tuple[float, float]] = []
     for begin, end in sorted(spans):
         if merged and begin <= merged[-1][1]:

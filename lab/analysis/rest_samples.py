@@ -127,10 +127,10 @@ def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[st
     if gyro is not None:
         unit, how = (gyro.unit, "") if gyro.unit else _unit_of_gyros(gyro)
         found["gyro"] = _in_si(gyro, unit)
-        remarks.append(f"Gyros: {_named(gyro)}, in {unit}{how}.")
+        remarks.append(f"Gyros: {_name_triad(gyro)}, in {unit}{how}.")
     if force is not None:
         found["accelerometer"] = _in_si(*force)
-        remarks.append(f"Accelerometers: {_named(force[0])}, in {force[1]}.")
+        remarks.append(f"Accelerometers: {_name_triad(force[0])}, in {force[1]}.")
     if why:
         if gyro is None:
             raise MissionError(why)
@@ -141,7 +141,7 @@ def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[st
     return found, remarks
 
 
-def _named(triad: Triad) -> str:
+def _name_triad(triad: Triad) -> str:
     return ", ".join(one.text for one in triad.headings)
 
 
@@ -163,7 +163,7 @@ def _unit_of_gyros(gyro: Triad) -> tuple[str, str]:
         return "°/s", f" (guessed: at rest they are {size:.3g}, more than any bias in rad/s)"
     first = gyro.headings[0].text
     raise MissionError(
-        f"the columns {_named(gyro)} do not name their unit, and at rest nothing shows it; accepted are "
+        f"the columns {_name_triad(gyro)} do not name their unit, and at rest nothing shows it; accepted are "
         f"headings such as gyro_x_deg_s, or the unit of each column: --unit {first}=°/s"
     )
 
@@ -184,7 +184,7 @@ def _with_gravity(forces: Sequence[Triad]) -> tuple[tuple[Triad, str] | None, st
         force = next(iter(sizes.values()))
         hint = "; this looks like g" if triad.unit == "m/s²" and abs(size - 1) < OFF_GRAVITY else ""
         said = (
-            f"the mean specific force of {_named(triad)} is {force:.4g} m/s²{hint}; accepted is a "
+            f"the mean specific force of {_name_triad(triad)} is {force:.4g} m/s²{hint}; accepted is a "
             "record at rest, with about 9.8 m/s²"
         )
         if force > (1 - OFF_GRAVITY) * STANDARD_GRAVITY or hint:

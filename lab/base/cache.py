@@ -82,7 +82,7 @@ class StageCache:
     def shrink(self, size: int) -> None:
         """Drop the least recently used results until the others take at most a size [bytes]."""
         with self._lock:
-            self._shrink(size)
+            self._drop_oldest(size)
 
     def clear(self) -> None:
         """Drop all results."""
@@ -100,9 +100,9 @@ class StageCache:
                 return
             self._kept[at] = (value, size)
             self.bytes += size
-            self._shrink(self.limit)
+            self._drop_oldest(self.limit)
 
-    def _shrink(self, size: int) -> None:
+    def _drop_oldest(self, size: int) -> None:
         while self.bytes > size:
             _, (_, dropped) = self._kept.popitem(last=False)
             self.bytes -= dropped

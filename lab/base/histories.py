@@ -25,7 +25,7 @@ SINGLE = 2**20
 `LONG`, as the solution of a log is compared with that of a live run."""
 
 
-def kept(values: FloatArray) -> FloatArray:
+def shrink_history(values: FloatArray) -> FloatArray:
     """Return a history for storage: for a long flight in float32, unless it is constant."""
     if values.shape[0] <= LONG or values.strides[0] == 0:
         return values

@@ -42,7 +42,7 @@ def load_object(place: str, form: str, call: str, listed: str) -> Any:
     if not colon or not name.isidentifier() or not file.endswith(".py"):
         raise PythonFileError(f"{place!r}: accepted is {form}")
     module = _module(Path(file))
-    names = _offered(module, method, listed)
+    names = _list_offered(module, method, listed)
     if not hasattr(module, name):
         raise PythonFileError(f"{file}: has no {name!r}{names}")
     found = getattr(module, name)
@@ -51,14 +51,14 @@ def load_object(place: str, form: str, call: str, listed: str) -> Any:
             found = found()
         except (Exception, SystemExit) as error:
             raise PythonFileError(
-                f"{place}: called without arguments, it fails: {described(error)}"
+                f"{place}: called without arguments, it fails: {describe_error(error)}"
             ) from error
     if not callable(getattr(found, method, None)):
         raise PythonFileError(f"{place}: is of type {type(found).__name__}, without a method {call}{names}")
     return found
 
 
-def described(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """Return text that describes an exception and the place, in the called code or beside it, that raised it.
 
     Parameters
@@ -96,11 +96,11 @@ def _module(path: Path) -> ModuleType:
     except SyntaxError as error:
         raise PythonFileError(f"{error.filename}, line {error.lineno}: {error.msg}") from error
     except (Exception, SystemExit) as error:
-        raise PythonFileError(f"{path}: raised an exception: {described(error)}") from error
+        raise PythonFileError(f"{path}: raised an exception: {describe_error(error)}") from error
     return module
 
 
-def _offered(module: ModuleType, method: str, listed: str) -> str:
+def _list_offered(module: ModuleType, method: str, listed: str) -> str:
     """Return text that lists the names of a module whose objects have a method."""
     names = [
         name

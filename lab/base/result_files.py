@@ -72,11 +72,11 @@ def write_netcdf(
             tree.to_netcdf(whole, engine="netcdf4")
         # The library reports any refusal by the system as its own error, or as a lack of permission.
         except (RuntimeError, PermissionError) as error:
-            raise _refused(path, sum(leaf.nbytes for leaf in tree.leaves), error) from error
+            raise _write_error(path, sum(leaf.nbytes for leaf in tree.leaves), error) from error
         whole.replace(path)
 
 
-def _refused(path: Path, size: int, error: Exception) -> OSError:
+def _write_error(path: Path, size: int, error: Exception) -> OSError:
     """Return why a file of about a size [bytes] could not be written."""
     if shutil.disk_usage(path.parent).free < size:
         return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))

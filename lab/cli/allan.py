@@ -13,7 +13,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.cli import options
 from lab.cli.app import CommandError, argument, option, print_json, working
 from lab.cli.card_table import ASSUMED, FOOT, number
-from lab.cli.terminal import listed, paragraphs, table
+from lab.cli.terminal import format_list, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.analysis.allan import NoiseTerms
@@ -67,13 +67,13 @@ def allan(
         card = None if is_log else _card(record, assumed)
         records = _records(record, card, seed, given, rate or 0.0)
         progress("fitting", 0.5)
-        terms = _fitted(records)
+        terms = _fit_records(records)
         if out is not None:
             _write_card(out, records, Path(record).name)
     if as_json:
         print_json({"record": record, "remarks": list(records.remarks), **_facts(records, terms)})
     else:
-        print(paragraphs(_terms(terms, card), _goodness(terms), listed(records.remarks)))
+        print(paragraphs(_terms(terms, card), _goodness(terms), format_list(records.remarks)))
 
 
 def _card(name: str, assumed: bool) -> Card:
@@ -95,7 +95,7 @@ def _records(record: str, card: Card | None, seed: int, given: Mapping[str, str]
     return rest.RestRecords(rest.simulate(SensorSuite().update(card.settings()), seed))
 
 
-def _fitted(records: Mapping[str, Record]) -> dict[str, NoiseTerms]:
+def _fit_records(records: Mapping[str, Record]) -> dict[str, NoiseTerms]:
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
 
     return rest.noise_terms(records)

@@ -17,7 +17,7 @@ from lab.base.blas_threads import OneBlasThread
 from lab.base.collection_pause import collection_pause
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
-from lab.base.plain_data import plain
+from lab.base.plain_data import to_plain_data
 from lab.base.progress import StoppedError
 from lab.cli.interrupt import STOPPED
 from lab.cli.terminal import (
@@ -92,7 +92,7 @@ class AllCommands(Commands):
         if cmd_name in COMMANDS and cmd_name not in self.commands:
             if ctx and not ctx.resilient_parsing:
                 say_starting()
-            self.commands[cmd_name] = _imported(cmd_name)
+            self.commands[cmd_name] = _import_command(cmd_name)
         return super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -101,7 +101,7 @@ class AllCommands(Commands):
             formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
 
 
-def _imported(name: str) -> Any:
+def _import_command(name: str) -> Any:
     module, _, attribute = COMMANDS[name][0].partition(":")
     with collection_pause():
         home = import_module(module)
@@ -227,4 +227,4 @@ def working(task: str) -> Iterator[ProgressLine]:
 
 def print_json(data: Any) -> None:
     """Print data as JSON, which any encoding can write."""
-    print(json.dumps(plain(data), indent=2, allow_nan=False))
+    print(json.dumps(to_plain_data(data), indent=2, allow_nan=False))

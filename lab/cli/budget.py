@@ -40,10 +40,10 @@ def error_budget(
         dataset = result.budget
     there = dataset.isel(time=-1) if at is None else dataset.sel(time=at, method="nearest")
     if as_json:
-        from lab.experiment.json_form import budget_of  # noqa: PLC0415 - help does not need it
-        from lab.run.provenance import origin_of  # noqa: PLC0415 - beside it
+        from lab.experiment.json_form import budget_to_json  # noqa: PLC0415 - help does not need it
+        from lab.run.provenance import describe_origin  # noqa: PLC0415 - beside it
 
-        print_json({**origin_of(chosen), "remarks": list(result.remarks), **budget_of(there)})
+        print_json({**describe_origin(chosen), "remarks": list(result.remarks), **budget_to_json(there)})
     else:
         print(paragraphs(_budget(there), chosen.sensors.card_remark()))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from lab.base.files.atomic_file import write_file
 from lab.cli import options
 from lab.cli.app import CommandError, argument, group, option, print_json, working
-from lab.cli.terminal import listed, paragraphs, table
+from lab.cli.terminal import format_list, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.experiment.calibration import Found
@@ -95,10 +95,10 @@ def mounting(
 ) -> None:
     """Find the small angles of the IMU in a vehicle on wheels, so that wheels help instead of harm."""
     from lab.experiment.calibration import applied_to, calibrate_mounting  # noqa: PLC0415 - help does not need it
-    from lab.experiment.log_file import opened  # noqa: PLC0415 - beside it
+    from lab.experiment.log_file import open_mission  # noqa: PLC0415 - beside it
 
     options.check_out(out, True, ".toml", "a calibration", "--out")
-    with working(mission) as progress, opened(mission) as drive:
+    with working(mission) as progress, open_mission(mission) as drive:
         chosen = options.experiment(drive, config, None, assignments, None)
         found = calibrate_mounting(chosen, progress)
         applied = applied_to(chosen.mission)
@@ -126,7 +126,7 @@ def _answer(found: Found, out: Path | None, force: bool, as_json: bool, applied:
         ]
         head = ("group", "term", "axis", "value", "σ", "unit", "95 % interval")
         shown = table(head, rows, right={3, 4}) if rows else "No number is stated."
-        print(paragraphs(shown, listed(found.sentences)))
+        print(paragraphs(shown, format_list(found.sentences)))
     if out is None:
         return
     if out.exists() and not force:

@@ -26,7 +26,7 @@ def cards_text(cards: Sequence[Card]) -> str:
     suite = SensorSuite().groups()
     titles = [f"{title} [{suite[group].param[term].unit}]" for group, term, title in KEY_TERMS]
     rows = [
-        (card.name, card.grade, *(_marked(card, group, term) for group, term, _ in KEY_TERMS))
+        (card.name, card.grade, *(_format_marked(card, group, term) for group, term, _ in KEY_TERMS))
         for card in cards
     ]
     text = table(("name", "grade", *titles), rows, right={2, 3, 4, 5})
@@ -35,7 +35,7 @@ def cards_text(cards: Sequence[Card]) -> str:
     return text
 
 
-def _marked(card: Card, group: str, term: str) -> str:
+def _format_marked(card: Card, group: str, term: str) -> str:
     """Return a number of a card in the unit of its setting, marked if assumed."""
     return number(card.value(group, term)) + (ASSUMED if card.is_assumed(group, term) else "")
 

@@ -65,10 +65,10 @@ def _comparison(rows: Sequence[Compared]) -> str:
     cells = [
         (
             row.model,
-            *(_shown(value) for value in (row.position, row.velocity, row.heading)),
-            _beside(row.nees, row.degrees, row.refusal),
-            _beside(row.nis, row.nis_degrees, row.refusal),
-            _shown(1000 * row.seconds, ".0f"),
+            *(_format_value(value) for value in (row.position, row.velocity, row.heading)),
+            _format_beside(row.nees, row.degrees, row.refusal),
+            _format_beside(row.nis, row.nis_degrees, row.refusal),
+            _format_value(1000 * row.seconds, ".0f"),
             row.verdict or f"Does not run: {row.refusal}",
         )
         for row in rows
@@ -76,12 +76,12 @@ def _comparison(rows: Sequence[Compared]) -> str:
     return table(_TITLES, cells, right=set(range(1, len(_TITLES) - 1)))
 
 
-def _beside(value: float, degrees: int, refusal: str) -> str:
+def _format_beside(value: float, degrees: int, refusal: str) -> str:
     """Return a mean NEES or NIS beside its expected value."""
     if math.isfinite(value):
         return f"{value:.2f} / {degrees}"
     return "–" if refusal else "unknown"
 
 
-def _shown(value: float, form: str = ".3f") -> str:
+def _format_value(value: float, form: str = ".3f") -> str:
     return f"{value:{form}}" if math.isfinite(value) else "–"

@@ -146,7 +146,9 @@ def _errors(facts: Mapping[str, Any]) -> str:
         ]
         lines += [table(("quantity", "unit", *columns), rows, right=set(range(2, 2 + len(columns)))), ""]
         lines += _horizontal(facts["horizontal"])
-    lines += [f"{name.upper()}: {beside(facts[name])}" for name in ("nees", "nis") if facts[name] is not None]
+    lines += [
+        f"{name.upper()}: {format_beside(facts[name])}" for name in ("nees", "nis") if facts[name] is not None
+    ]
     return "\n".join(lines)
 
 
@@ -166,6 +168,6 @@ def shown(value: float | None, form: str = ".3f") -> str:
     return "–" if value is None else f"{value:{form}}"
 
 
-def beside(found: Mapping[str, float] | None) -> str:
+def format_beside(found: Mapping[str, float] | None) -> str:
     """Return a mean NEES or NIS beside its expected value."""
     return "unknown" if found is None else f"{found['mean']:.2f} / {found['expected']:.0f}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lab.base.files.atomic_file import write_file
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.cli.app import CommandError, argument, option, working
 from lab.cli.options import Force, check_out
 
@@ -82,7 +82,9 @@ def grade(
     keyed, files = _read(key, folder, [path for path in (out, roster, moodle, canvas) if path])
     students = None if roster is None else _roster(roster)
     if students is not None:
-        _books(moodle, canvas, students, [], keyed, assignment)  # refuses before the runs, which take long
+        _make_gradebooks(
+            moodle, canvas, students, [], keyed, assignment
+        )  # refuses before the runs, which take long
     if feedback is not None:
         _check(feedback, folder, check_new)
     try:
@@ -92,14 +94,14 @@ def grade(
         raise CommandError(str(error)) from error
     _write(csv_text(columns(keyed.judge), rows), out)
     if students is not None:
-        for path, text in _books(moodle, canvas, students, rows, keyed, assignment):
+        for path, text in _make_gradebooks(moodle, canvas, students, rows, keyed, assignment):
             _write(text, path, mark=b"")
     if feedback is not None:
         count = write_feedback(feedback, folder, files, rows, keyed)
-        print(f"ins-lab: {feedback}: feedback on {counted(count, 'file')}", file=sys.stderr)
+        print(f"ins-lab: {feedback}: feedback on {count_noun(count, 'file')}", file=sys.stderr)
     done, again = (sum(row["status"] == one for row in rows) for one in (GRADED, REPEATED))
-    words = f", {counted(again, 'export')} repeated to the last bit" if again else ""
-    print(f"ins-lab: {counted(len(rows), 'file')}, {done} graded{words}", file=sys.stderr)
+    words = f", {count_noun(again, 'export')} repeated to the last bit" if again else ""
+    print(f"ins-lab: {count_noun(len(rows), 'file')}, {done} graded{words}", file=sys.stderr)
 
 
 def _roster(path: Path) -> Roster:
@@ -111,14 +113,14 @@ def _roster(path: Path) -> Roster:
         raise CommandError(f"--roster {error}") from error
 
 
-def _books(
+def _make_gradebooks(
     moodle: Path | None, canvas: Path | None, students: Roster, rows: list[Row], keyed: Keyed, title: str
 ) -> list[tuple[Path, str]]:
     """Return the files for learning platforms with their texts; report whose points are left out."""
-    from lab.classroom.homework.gradebooks import canvas_text, moodle_text, points_of  # noqa: PLC0415 - slow
+    from lab.classroom.homework.gradebooks import canvas_text, collect_points, moodle_text  # noqa: PLC0415 - slow
     from lab.classroom.homework.roster import RosterError  # noqa: PLC0415 - slow
 
-    points = points_of(rows, students)
+    points = collect_points(rows, students)
     title, found = title or keyed.homework.title, list[tuple[Path, str]]()
     try:
         if moodle is not None:
@@ -152,7 +154,7 @@ def _read(key: Path, folder: Path, apart: list[Path]) -> tuple[Keyed, list[Hande
     CommandError
         If the key or the folder is not accepted, or the folder has no files.
     """
-    from lab.classroom.homework.grading import GradingError, check_folder, files_of  # noqa: PLC0415 - slow
+    from lab.classroom.homework.grading import GradingError, check_folder, list_files  # noqa: PLC0415 - slow
     from lab.classroom.homework.homework_file import read_key  # noqa: PLC0415 - slow
     from lab.classroom.homework.sealing import SealError  # noqa: PLC0415 - slow
     from lab.classroom.lessons.fields import LessonError  # noqa: PLC0415 - slow
@@ -160,7 +162,7 @@ def _read(key: Path, folder: Path, apart: list[Path]) -> tuple[Keyed, list[Hande
     try:
         keyed = read_key(key)
         check_folder(folder)
-        files = files_of(folder, (key, *apart))
+        files = list_files(folder, (key, *apart))
     except (LessonError, SealError, GradingError) as error:
         raise CommandError(str(error)) from error
     if not files:

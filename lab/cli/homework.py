@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from lab.base.files.atomic_file import write_file
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.cli.app import CommandError, argument, group, option, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, Force, Seed, check_out
 
@@ -112,7 +112,8 @@ def variants(
         write_file(out / one.file, homework_text(keyed, one.name))
     write_file(out / LINKS, codecs.BOM_UTF8 + links_text(made).encode())
     print(
-        f"{out}: {counted(len(made), 'file')} for {keyed.homework.title}, one for each student, and {LINKS}"
+        f"{out}: {count_noun(len(made), 'file')} for {keyed.homework.title}, one for each student, and "
+        f"{LINKS}"
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from lab.base.files.atomic_file import write_file
 from lab.cli.app import CommandError, option, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, check_out, experiment
-from lab.cli.terminal import listed, paragraphs, table
+from lab.cli.terminal import format_list, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.analysis.identification.identification import Identification
@@ -49,10 +49,10 @@ def identify(
         if settings is not None:
             write_file(settings, chosen.copy().update(found.settings()).to_toml())
     if as_json:
-        from lab.experiment.json_form import identification_of  # noqa: PLC0415 - help does not need it
-        from lab.run.provenance import origin_of  # noqa: PLC0415 - beside it
+        from lab.experiment.json_form import identification_to_json  # noqa: PLC0415 - help does not need it
+        from lab.run.provenance import describe_origin  # noqa: PLC0415 - beside it
 
-        print_json({**origin_of(chosen), **identification_of(found)})
+        print_json({**describe_origin(chosen), **identification_to_json(found)})
     else:
         print(_text(found))
 
@@ -80,4 +80,4 @@ def _text(found: Identification) -> str:
         for row in found.rows
     ]
     header = ("parameter", "unit", "before", "after", "σ", "95 % interval")
-    return paragraphs(table(header, rows, right={2, 3, 4}), found.sentence, listed(found.remarks))
+    return paragraphs(table(header, rows, right={2, 3, 4}), found.sentence, format_list(found.remarks))

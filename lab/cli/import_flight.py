@@ -141,7 +141,7 @@ def import_flight(
         if not preview and not refused:
             progress("writing", 0.7)
             added = read.add(name or _free_name(files[0]), title, overwrite=force).name
-    _show(read, added, shown, as_json)
+    _print_report(read, added, shown, as_json)
     if not refused:
         _save_profile(save_profile, files, given)
     if refused:
@@ -160,7 +160,7 @@ def _add_log(
     calibration: Path | None = None,
 ) -> dict[str, str]:
     """Add the IMU and GPS data of a file as a sensor log; return what was said of columns."""
-    from lab.data.log.log_section import piece  # noqa: PLC0415 - beside what it goes with
+    from lab.data.log.log_section import cut_section  # noqa: PLC0415 - beside what it goes with
     from lab.data.log.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
     from lab.missions.flight_import import any_log  # noqa: PLC0415 - takes a second
@@ -173,14 +173,14 @@ def _add_log(
         progress("reading", 0.0)
         log, units = _answered(files, units, lambda said: any_log(files, said, axes, named_vehicle))
         if calibration is not None:
-            from lab.missions.flight_import import calibrated  # noqa: PLC0415 - rarely needed
+            from lab.missions.flight_import import calibrate_log  # noqa: PLC0415 - rarely needed
 
-            log = calibrated(log, files, calibration, axes)
+            log = calibrate_log(log, files, calibration, axes)
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
     vehicle = vehicle_of(log.auxiliary.vehicle).name
     # With the gaps between which the log is navigated.
-    repairs = (*piece(log).repairs, *_range_remarks(log))
+    repairs = (*cut_section(log).repairs, *_range_remarks(log))
     facts = {
         "added": added,
         "duration_s": log.duration,
@@ -195,7 +195,7 @@ def _add_log(
         print(f"- {repair}")
     if not vehicle:
         print(f"- The file does not name its vehicle; ins-lab run --vehicle takes {', '.join(VEHICLES)}.")
-    print(f"Added: {added}. Navigate it: ins-lab run {_quoted(added)}")
+    print(f"Added: {added}. Navigate it: ins-lab run {_quote_name(added)}")
     return units
 
 
@@ -221,12 +221,12 @@ def _answered(
             ]
             raise CommandError("\n".join((f"{question}. Either of:", *commands))) from question
         print(question, file=sys.stderr)
-        answer = typer.prompt(" or ".join(words), value_proc=partial(_one_of, words), err=True)
+        answer = typer.prompt(" or ".join(words), value_proc=partial(_ask_one, words), err=True)
         said = {**units, **question.choices[answer]}
         return read(said), said
 
 
-def _one_of(words: Sequence[str], answer: str) -> str:
+def _ask_one(words: Sequence[str], answer: str) -> str:
     """Return an answer that is one of some words; it is asked for again otherwise."""
     if answer not in words:
         raise typer.BadParameter(f"{answer!r} is not one of {', '.join(words)}.")
@@ -250,7 +250,7 @@ def _range_remarks(log: SensorLog) -> list[str]:
     return range_remarks(np.concatenate(log.rates, axis=1))
 
 
-def _quoted(name: str) -> str:
+def _quote_name(name: str) -> str:
     """Return the name of a mission as a shell takes it."""
     return name if re.fullmatch(r"[\w.+-]+", name) else f'"{name}"'
 
@@ -283,7 +283,7 @@ def _preview(read: FlightImport, file: Path) -> Path:
     return out
 
 
-def _show(read: FlightImport, added: str | None, shown: Path | None, as_json: bool) -> None:
+def _print_report(read: FlightImport, added: str | None, shown: Path | None, as_json: bool) -> None:
     """Print the report and the outcome."""
     has_log = read.log is not None
     if as_json:
@@ -297,7 +297,7 @@ def _show(read: FlightImport, added: str | None, shown: Path | None, as_json: bo
     if shown is not None:
         print(f"Preview: {shown}")
     if added is not None:
-        print(f"Added: {added}. Navigate it: ins-lab run {_quoted(added)}")
+        print(f"Added: {added}. Navigate it: ins-lab run {_quote_name(added)}")
 
 
 def _facts(report: ImportReport) -> dict[str, Any]:

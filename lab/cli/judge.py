@@ -41,9 +41,9 @@ def judge(
     with working(str(log)) as progress:
         found = judged(log, smoother=smoother, progress=progress)
     if as_json:
-        from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
+        from lab.run.provenance import describe_origin  # noqa: PLC0415 - help does not need it
 
-        print_json({**origin_of(), **facts(found)})
+        print_json({**describe_origin(), **facts(found)})
     else:
         print(_text(found))
 

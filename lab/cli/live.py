@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.base.parameters.setting_error import SettingError
-from lab.base.plain_data import plain
+from lab.base.plain_data import to_plain_data
 from lab.cli import options
 from lab.cli.app import CommandError, argument, group, option, print_json, working
 from lab.cli.interrupt import interrupted
@@ -26,7 +26,7 @@ from lab.cli.live_solution import (
     solution_line,
     solution_row,
 )
-from lab.cli.live_status import came, check_came, conclude, source_line, source_row
+from lab.cli.live_status import check_came, count_arrivals, print_conclusion, source_line, source_row
 from lab.cli.raw_file import RawFile
 from lab.cli.terminal import table
 from lab.missions.mission_name import accepted_name
@@ -113,7 +113,7 @@ def watch(
     """Show what a source sends: a line a second; with --json one object a line."""
     _check_seconds(seconds)
     said = options.stream_options(units, columns, rate)
-    with _opened(source, said, _calibrated(calibration)) as (opened, go_on):
+    with _open_source(source, said, _prepare_calibration(calibration)) as (opened, go_on):
         if not as_json:
             print(
                 "TIME [s]  RATE [Hz]  FIXES  RATE x, y, z [deg/s]         FORCE x, y, z [m/s^2]        STATE"
@@ -122,18 +122,18 @@ def watch(
         question = ""
         while go_on(seconds):
             status = opened.status
-            question = _asked(status, question)
+            question = _print_question(status, question)
             print(
-                json.dumps(plain(source_row(opened, status)), allow_nan=False)
+                json.dumps(to_plain_data(source_row(opened, status)), allow_nan=False)
                 if as_json
                 else source_line(opened, status, time.monotonic() - begin),
                 flush=True,
             )
         status = opened.status
-    _asked(status, question)
+    _print_question(status, question)
     check_came(source, status)
     print(f"ins-lab: {status.sentence}", file=sys.stderr)
-    conclude(status)
+    print_conclusion(status)
 
 
 @live.command("record", epilog=EXAMPLES)
@@ -166,7 +166,7 @@ def record(
         raise CommandError(f"{folder / name} exists; accepted is a new name")
     raw = RawFile(folder, name)
     path = raw.path
-    with _opened(source, options.stream_options(units, columns, rate), raw.begin) as (opened, go_on):
+    with _open_source(source, options.stream_options(units, columns, rate), raw.begin) as (opened, go_on):
         while go_on(seconds):
             warning = opened.status.warning
             if warning:
@@ -175,14 +175,14 @@ def record(
                 break
         running = opened.stop_recording()
         status = opened.status
-    _asked(status)
+    _print_question(status)
     if running and status.warning:
         print(f"ins-lab: {status.warning}", file=sys.stderr)
     if not status.statistics.bytes:
         raw.discard()  # the name is free for another attempt
     check_came(source, status)
-    conclude(status)
-    print(f"{path}: {counted(status.recorded, 'byte')}, {came(status)}")
+    print_conclusion(status)
+    print(f"{path}: {count_noun(status.recorded, 'byte')}, {count_arrivals(status)}")
     if not status.samples or not status.fixes:
         lacking = "samples of an IMU" if not status.samples else "fixes"
         print(f"No mission: the source sent no {lacking}, and a sensor log needs both.")
@@ -232,7 +232,7 @@ def navigate(
     chosen = options.experiment(_ANY, config, card, assignments, None)
     of_stream = options.stream_options(units, columns, rate)
     with (
-        _opened(source, of_stream, _calibrated(calibration)) as (opened, go_on),
+        _open_source(source, of_stream, _prepare_calibration(calibration)) as (opened, go_on),
         publishing(to or (), hz) as publisher,
     ):
         try:
@@ -250,14 +250,14 @@ def navigate(
             said: set[str] = set()
             while more:
                 more = go_on(seconds)
-                question = _asked(opened.status, question)
+                question = _print_question(opened.status, question)
                 said = said_of(publisher, said)
                 if not more:
                     station.wait()
                 known = station.state
                 beside.advance(finish=not more)
                 if as_json:
-                    row = solution_row(known) | plain(beside.facts())
+                    row = solution_row(known) | to_plain_data(beside.facts())
                     print(json.dumps(row, allow_nan=False), flush=True)
                 else:
                     line = solution_line(known, time.monotonic() - begin)
@@ -265,7 +265,7 @@ def navigate(
         finally:
             station.close()
         check_came(source, opened.status)
-        conclude(opened.status)
+        print_conclusion(opened.status)
     known = station.state
     for sentence in (f"{known.phase.capitalize()}: {known.reason}", *known.remarks, station.failure):
         if sentence:
@@ -308,11 +308,11 @@ def simulate(
     from lab.live.simulated.simulated_device import (  # noqa: PLC0415 - help does not need it
         Misbehaviour,
         SimulatedDevice,
-        encoder_of,
+        make_encoder,
         unsent_readings,
     )
     from lab.live.simulated.simulated_flight import REST, USUAL_REST, SimulatedFlight  # noqa: PLC0415
-    from lab.live.simulated.simulated_link import link_of  # noqa: PLC0415 - help does not need it
+    from lab.live.simulated.simulated_link import make_link  # noqa: PLC0415 - help does not need it
 
     _check(rate, 1, 2000, "--rate", "Hz")
     _check(corruption, 0, 0.1, "--corruption")
@@ -320,7 +320,7 @@ def simulate(
     _check(drift, -5000, 5000, "--drift", "ppm")
     _check(rest, 0, 3600, "--rest", "s")
     with working(mission):
-        link, encoder = link_of(to), encoder_of(device)
+        link, encoder = make_link(to), make_encoder(device)
         stands = mission == REST and not rest
         flight = SimulatedFlight.of(
             mission, rate, sensor=card, seed=seed, rest=USUAL_REST if stands else rest,
@@ -330,34 +330,34 @@ def simulate(
         sender = SimulatedDevice(flight, encoder, link, wrong, endless=stands)
     if unsent := unsent_readings(device, flight.reading):
         print(f"ins-lab: --device {device}: {unsent}", file=sys.stderr)
-    with interrupted() as pressed, _started(sender, to):
+    with interrupted() as pressed, _start_sender(sender, to):
         print(
-            f"Sending {'until Ctrl-C' if stands else counted(len(flight.imu), 'sample')}; open it with: "
+            f"Sending {'until Ctrl-C' if stands else count_noun(len(flight.imu), 'sample')}; open it with: "
             f"ins-lab live watch {sender.address}",
             flush=True,
         )
         while not sender.finished and not pressed.wait(_WAKE):
             pass
-    lost = f"; nobody read {counted(sender.refused, 'byte')}" if sender.refused else ""
-    print(f"{counted(sender.sent, 'sample')} sent, at most {sender.latest:.3f} s late{lost}")
+    lost = f"; nobody read {count_noun(sender.refused, 'byte')}" if sender.refused else ""
+    print(f"{count_noun(sender.sent, 'sample')} sent, at most {sender.latest:.3f} s late{lost}")
 
 
 @contextmanager
-def _started(sender: SimulatedDevice, to: str) -> Iterator[None]:
+def _start_sender(sender: SimulatedDevice, to: str) -> Iterator[None]:
     """Let a simulated device send; refuse a line that cannot be made."""
-    from lab.data.streams.transport import cause_of  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.transport import describe_cause  # noqa: PLC0415 - help does not need it
 
     try:
         sender.start()
     except OSError as error:
-        raise CommandError(f"--to {to}: {cause_of(error)}") from error
+        raise CommandError(f"--to {to}: {describe_cause(error)}") from error
     try:
         yield
     finally:
         sender.close()
 
 
-def _calibrated(calibration: Path | None) -> Callable[[Source], None]:
+def _prepare_calibration(calibration: Path | None) -> Callable[[Source], None]:
     """Return what gives a source the calibration of a file, if there is one."""
     if calibration is None:
         return lambda source: None
@@ -368,7 +368,7 @@ def _calibrated(calibration: Path | None) -> Callable[[Source], None]:
 
 
 @contextmanager
-def _opened(
+def _open_source(
     address: str,
     said: Mapping[str, str],
     prepare: Callable[[Source], None] = lambda source: None,
@@ -408,7 +408,7 @@ def _opened(
             )
 
 
-def _asked(status: Status, before: str = "") -> str:
+def _print_question(status: Status, before: str = "") -> str:
     """Print a question about the source once, on standard error; return it."""
     if status.question and status.question != before:
         print(f"ins-lab: {status.question}", file=sys.stderr, flush=True)

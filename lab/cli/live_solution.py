@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.cli.app import CommandError, option
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def solution_row(known: LiveState) -> dict[str, Any]:
 @contextmanager
 def publishing(places: Sequence[str], hz: float | None) -> Iterator[Publisher]:
     """Yield what sends the solution to the places of --to; say where, and at the end what was lost."""
-    from lab.data.streams.transport import TransportError, cause_of  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.transport import TransportError, describe_cause  # noqa: PLC0415 - help does not need it
     from lab.live.outlets.destination import RATES, Destination  # noqa: PLC0415 - help does not need it
     from lab.live.outlets.publisher import Publisher  # noqa: PLC0415 - help does not need it
 
@@ -75,7 +75,7 @@ def publishing(places: Sequence[str], hz: float | None) -> Iterator[Publisher]:
     try:
         publisher.open()
     except (OSError, ImportError) as error:
-        why = cause_of(error) if isinstance(error, OSError) else str(error)
+        why = describe_cause(error) if isinstance(error, OSError) else str(error)
         raise CommandError(f"--to {error.__notes__[0]}: {why}") from error
     try:
         for one, place in zip(destinations, publisher.places, strict=True):
@@ -86,9 +86,9 @@ def publishing(places: Sequence[str], hz: float | None) -> Iterator[Publisher]:
     finally:
         publisher.close()
         for place, (sent, lost, readers) in zip(publisher.places, publisher.counts, strict=True):
-            by = f" to {counted(readers, 'reader')}" if readers else ""
+            by = f" to {count_noun(readers, 'reader')}" if readers else ""
             print(
-                f"ins-lab: {place}: {counted(sent, 'row')} sent{by}, {lost + publisher.behind} lost",
+                f"ins-lab: {place}: {count_noun(sent, 'row')} sent{by}, {lost + publisher.behind} lost",
                 file=sys.stderr,
             )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.cli.app import CommandError
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def check_came(source: str, status: Status) -> None:
     if status.samples + status.fixes:
         return
     seen = status.statistics.bytes
-    what = f"only {counted(seen, 'byte')}" if seen else "and no byte"
+    what = f"only {count_noun(seen, 'byte')}" if seen else "and no byte"
     why = "" if status.evidence in status.sentence else f"{status.evidence} "
     from lab.data.protocols.column_guess import advice_on_lines  # noqa: PLC0415 - help does not need it
 
@@ -60,7 +60,7 @@ def check_came(source: str, status: Status) -> None:
     raise CommandError(f"{said}\n{advice}" if advice else said)
 
 
-def conclude(status: Status) -> None:
+def print_conclusion(status: Status) -> None:
     """Say on standard error what came, and what was lost."""
     from lab.data.streams.source_status import STALE  # noqa: PLC0415 - help does not need it
 
@@ -69,20 +69,20 @@ def conclude(status: Status) -> None:
             print(f"ins-lab: {sentence}", file=sys.stderr)
     seen, loss = status.statistics, status.loss
     lost = {
-        f"{counted(status.interruptions, 'interruption')} of the connection": status.interruptions,
+        f"{count_noun(status.interruptions, 'interruption')} of the connection": status.interruptions,
         f"silent for the last {status.silence:.0f} s": status.state == STALE,
-        f"{counted(seen.skipped, 'byte')} skipped": seen.skipped,
-        f"{counted(seen.failed, 'check')} failed": seen.failed,
-        f"{counted(seen.refused, 'sample')} refused": seen.refused,
+        f"{count_noun(seen.skipped, 'byte')} skipped": seen.skipped,
+        f"{count_noun(seen.failed, 'check')} failed": seen.failed,
+        f"{count_noun(seen.refused, 'sample')} refused": seen.refused,
         f"{loss.missing} missing": loss.missing,
         f"{loss.repeated} repeated": loss.repeated,
         f"{loss.backwards} backwards": loss.backwards,
-        f"{counted(loss.jumps, 'change')} of the device's clock": loss.jumps,
+        f"{count_noun(loss.jumps, 'change')} of the device's clock": loss.jumps,
     }
     told = ", ".join(text for text, count in lost.items() if count)
-    print(f"ins-lab: {came(status)}; {told or 'nothing was lost'}.", file=sys.stderr)
+    print(f"ins-lab: {count_arrivals(status)}; {told or 'nothing was lost'}.", file=sys.stderr)
 
 
-def came(status: Status) -> str:
+def count_arrivals(status: Status) -> str:
     """Return how many samples and fixes came, in words."""
-    return f"{counted(status.samples, 'sample')}, {counted(status.fixes, 'fix')}"
+    return f"{count_noun(status.samples, 'sample')}, {count_noun(status.fixes, 'fix')}"

@@ -78,7 +78,7 @@ def new_card(
         sheet = DataSheet(name or "", maker, grade or "", source or "")
         for found in sheet.take_all(given):
             if found.reading:
-                _say(_reading(found))
+                _print_text(_reading(found))
         made = sheet.card()
     else:
         made = interview(_ask, name or (out.stem if out else ""), maker, grade, source)
@@ -123,10 +123,10 @@ def interview(
         Proposed or known answers.
     """
     from lab.sensors.cards import GRADES  # noqa: PLC0415 - takes half a second
-    from lab.sensors.data_sheet import DataSheet, asked  # noqa: PLC0415 - takes half a second
+    from lab.sensors.data_sheet import DataSheet, asked_terms  # noqa: PLC0415 - takes half a second
     from lab.sensors.suite import TRIADS  # noqa: PLC0415 - takes half a second
 
-    _say("A number with its unit, as the sheet writes it; an empty answer leaves it out.")
+    _print_text("A number with its unit, as the sheet writes it; an empty answer leaves it out.")
     while True:
         try:
             sheet = DataSheet(
@@ -137,15 +137,15 @@ def interview(
             )
             break
         except SettingError as error:
-            _say(str(error))
+            _print_text(str(error))
     while True:
         for triad in TRIADS:
-            _say(f"\n{triad.capitalize()}s")
-            _about_triad(ask, sheet, triad, asked(triad))
+            _print_text(f"\n{triad.capitalize()}s")
+            _about_triad(ask, sheet, triad, asked_terms(triad))
         try:
             return sheet.card()
         except SettingError as error:
-            _say(str(error))
+            _print_text(str(error))
 
 
 def _about_triad(
@@ -164,12 +164,12 @@ def _about_triad(
             try:
                 found = sheet.take(triad, term.setting, answer)
             except SettingError as error:
-                _say(str(error))
+                _print_text(str(error))
                 continue
             if found.reading:
-                _say(_reading(found))
+                _print_text(_reading(found))
             break
 
 
-def _say(text: str) -> None:
+def _print_text(text: str) -> None:
     print(text, file=sys.stderr)

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.cli.app import CommandError, argument, group, print_json
 from lab.cli.options import AsJson, Force
 from lab.cli.terminal import table
@@ -51,7 +51,7 @@ def copy(
     if kept:
         names = ", ".join(path.name for path in kept)
         print(
-            f"ins-lab: {counted(len(kept), 'notebook')} kept, since they exist already: {names}; "
+            f"ins-lab: {count_noun(len(kept), 'notebook')} kept, since they exist already: {names}; "
             "replace them with --force",
             file=sys.stderr,
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from lab.cli.app import CommandError, option, print_json, working
 from lab.cli.options import AsJson, Assignments, Config, experiment
-from lab.cli.terminal import listed, paragraphs, table
+from lab.cli.terminal import format_list, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.experiment.number_table import ImuNumbers
@@ -39,23 +39,23 @@ def numbers(
 ) -> None:
     """Show the noise of an IMU at rest and in motion, why they differ, and what a filter should assume."""
     from lab.experiment import filter_programs, imu_numbers  # noqa: PLC0415 - help does not need them
-    from lab.experiment.log_file import called, opened  # noqa: PLC0415 - beside them
+    from lab.experiment.log_file import mission_name, open_mission  # noqa: PLC0415 - beside them
 
     if static is None and moving is None:
         raise CommandError("numbers needs --static FILE, --moving MISSION|FILE, or both")
     if program is not None and program not in filter_programs.PROGRAMS:
         raise CommandError(f"--for {program}: accepted are {', '.join(filter_programs.PROGRAMS)}")
     with working(moving or str(static)) as progress, contextlib.ExitStack() as stack:
-        drive = None if moving is None else stack.enter_context(opened(moving))
+        drive = None if moving is None else stack.enter_context(open_mission(moving))
         chosen = None if drive is None else experiment(drive, config, None, assignments, None)
         found = imu_numbers.numbers(static, chosen, progress)
     lines = "" if program is None else filter_programs.lines(found, program)
     if as_json:
-        from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
+        from lab.run.provenance import describe_origin  # noqa: PLC0415 - help does not need it
 
-        origin = origin_of(chosen)
+        origin = describe_origin(chosen)
         if chosen is not None:
-            name = called(chosen.mission)
+            name = mission_name(chosen.mission)
             origin |= {"mission": name, "settings": {**origin["settings"], "mission": name}}
         print_json({**origin, **found.to_dict(), "program": program, "lines": lines or None})
     elif program is not None:
@@ -72,6 +72,6 @@ def _text(found: ImuNumbers) -> str:
         f"At rest: {found.static or UNKNOWN}. In motion: {found.moving or UNKNOWN}.",
         table(HEADS, found.cells, right={5, 7}),
         found.convention,
-        listed(causes),
-        listed(found.remarks),
+        format_list(causes),
+        format_list(found.remarks),
     )

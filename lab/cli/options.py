@@ -269,7 +269,7 @@ def corrections(units: Sequence[str] | None, columns: Sequence[str] | None) -> d
     CommandError
         If one is not accepted.
     """
-    return _said(_UNIT, units) | _said(_COLUMN, columns)
+    return _read_pairs(_UNIT, units) | _read_pairs(_COLUMN, columns)
 
 
 def check_rate(rate: float | None) -> None:
@@ -297,7 +297,7 @@ def stream_options(
         If one is not accepted.
     """
     check_rate(rate)
-    said = {"unit": _said(_STREAM_UNIT, units), "column": _said(_COLUMN, columns)}
+    said = {"unit": _read_pairs(_STREAM_UNIT, units), "column": _read_pairs(_COLUMN, columns)}
     options = {
         name: ";".join(f"{key}={value}" for key, value in pairs.items())
         for name, pairs in said.items()
@@ -306,7 +306,7 @@ def stream_options(
     return options if rate is None else options | {"rate": f"{rate:g}"}
 
 
-def _said(kind: tuple[str, str, str], texts: Sequence[str] | None) -> dict[str, str]:
+def _read_pairs(kind: tuple[str, str, str], texts: Sequence[str] | None) -> dict[str, str]:
     """Return the pairs that an option of pairs was given."""
     name, form, example = kind
     found = {}

@@ -80,9 +80,9 @@ def outage(
             client=client,
         )
     if as_json:
-        from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
+        from lab.run.provenance import describe_origin  # noqa: PLC0415 - help does not need it
 
-        print_json({**origin_of(chosen), **found.to_dict(), "out": None if out is None else str(out)})
+        print_json({**describe_origin(chosen), **found.to_dict(), "out": None if out is None else str(out)})
     else:
         print(_text(found, chosen))
     if out is not None:
@@ -104,16 +104,16 @@ def _text(found: OutageTable, chosen: Experiment) -> str:
 def _write(found: OutageTable, chosen: Experiment, given: Mapping[str, Any], out: Path, force: bool) -> None:
     """Write the errors of all runs as netCDF; `CommandError` if they cannot be written."""
     from lab.base.result_files import write_netcdf  # noqa: PLC0415 - rarely needed
-    from lab.run.provenance import OUTAGES, attributes_of, dataset_digest, facts_of  # noqa: PLC0415 - rarely needed
+    from lab.run.provenance import OUTAGES, collect_facts, dataset_digest, netcdf_attributes  # noqa: PLC0415 - rarely needed
 
     data = found.dataset
-    facts = facts_of(
+    facts = collect_facts(
         chosen,
         find_mission(chosen.mission),
         OUTAGES,
         given={"seconds": found.seconds, **given},
         result_sha256=dataset_digest(data),
     )
-    about = attributes_of(facts, f"Outages of {found.seconds:g} s, {chosen.mission}")
+    about = netcdf_attributes(facts, f"Outages of {found.seconds:g} s, {chosen.mission}")
     with writing(out, "--out"):
         write_netcdf(out, lambda: {"outages": data}, about, overwrite=force)

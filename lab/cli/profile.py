@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.cli.app import argument, group, print_json
 from lab.cli.options import AsJson
 from lab.cli.terminal import table
@@ -72,6 +72,6 @@ def check(
     check_profile(read)
     needs = ", ".join(" or ".join(one) for one in read.needs)
     lines = columns_in(read, csv) if csv is not None else []
-    print(f"{read.name}: {counted(len(read.columns), 'column')}, needs {needs}.")
+    print(f"{read.name}: {count_noun(len(read.columns), 'column')}, needs {needs}.")
     for line in lines:
         print(line)

@@ -11,7 +11,7 @@ import typer
 from lab.base.files.atomic_file import write_file
 from lab.cli.app import CommandError, argument, option, print_json, working
 from lab.cli.options import AsJson, Force, check_out
-from lab.cli.terminal import listed, paragraphs, table
+from lab.cli.terminal import format_list, paragraphs, table
 
 if TYPE_CHECKING:
     from lab.experiment.receiver_report import ReceiverReport
@@ -54,9 +54,9 @@ def receiver(
         if settings is not None:
             _write(settings, found)
     if as_json:
-        from lab.run.provenance import origin_of  # noqa: PLC0415 - help does not need it
+        from lab.run.provenance import describe_origin  # noqa: PLC0415 - help does not need it
 
-        print_json({**origin_of(), **found.to_dict()})
+        print_json({**describe_origin(), **found.to_dict()})
     else:
         print(_text(found))
 
@@ -93,7 +93,7 @@ def _text(found: ReceiverReport) -> str:
             for low, high, count, size in found.by_satellites
         ]
         parts.append(table(("satellites", "fixes", "innovations in σ"), several, right={1, 2}))
-    return paragraphs(*parts, listed(found.sentences))
+    return paragraphs(*parts, format_list(found.sentences))
 
 
 def _number(value: float) -> str:

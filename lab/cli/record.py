@@ -66,7 +66,7 @@ def record(
         interrupted() as pressed,
         XPlaneRecorder(host, port, rate) as recorder,
     ):
-        raw = _recorded(recorder, pressed, seconds, progress)
+        raw = _record_flight(recorder, pressed, seconds, progress)
         flight = prepare_flight(raw)
         mission = flight.add(name, title or f"Flight in {where}", folder=out, overwrite=force)
     for remark in (*raw.remarks, *(finding.sentence for finding in flight.report.findings)):
@@ -74,7 +74,7 @@ def record(
     print(f"{mission.recording_path}: {len(raw.time)} samples, {flight.recording.duration:.1f} s recorded")
 
 
-def _recorded(
+def _record_flight(
     recorder: XPlaneRecorder, pressed: threading.Event, seconds: float | None, progress: ProgressLine
 ) -> RawFlight:
     """Return the data from X-Plane until the time is over, Ctrl-C is pressed, or the data stop."""

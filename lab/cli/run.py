@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from lab.cli import options
 from lab.cli.app import CommandError, option, print_json, working, writing
 from lab.cli.export import check_export, write
-from lab.cli.terminal import ProgressLine, listed, paragraphs, table
+from lab.cli.terminal import ProgressLine, format_list, paragraphs, table
 from lab.missions import LogMission
 from lab.missions import mission as find_mission
 
@@ -102,7 +102,7 @@ def run(
 
 def report(result: Result, verdict: Verdict) -> str:
     """Return a result as text: its errors, its remarks, and a verdict."""
-    return paragraphs(_errors(result), listed(result.remarks), verdict_text(verdict))
+    return paragraphs(_errors(result), format_list(result.remarks), verdict_text(verdict))
 
 
 def _set_log(chosen: Experiment, of_logs: Mapping[str, float | str | None]) -> None:

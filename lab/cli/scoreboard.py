@@ -57,7 +57,7 @@ def scoreboard(
         from lab.experiment.scoreboard.results import kept_rows, of_set  # noqa: PLC0415 - likewise
 
         kept = kept_rows()
-        _show([(about, of_set(kept, about.name)) for about in chosen], as_json)
+        _print_tables([(about, of_set(kept, about.name)) for about in chosen], as_json)
         return
     _run(chosen, data, keep, as_json, wanted=name is not None)
 
@@ -67,17 +67,17 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
     import sys  # noqa: PLC0415 - here alone
     from tempfile import TemporaryDirectory  # noqa: PLC0415 - likewise
 
-    from lab.experiment.scoreboard.comparison import compare, folder_of, where_from  # noqa: PLC0415 - slow
-    from lab.experiment.scoreboard.results import kept_rows, known_files, merged, write  # noqa: PLC0415
+    from lab.experiment.scoreboard.comparison import compare, describe_source, find_folder  # noqa: PLC0415 - slow
+    from lab.experiment.scoreboard.results import kept_rows, known_files, merge_rows, write  # noqa: PLC0415
 
     if not data.is_dir():
         what = "is a file" if data.is_file() else "there is no such folder"
         raise CommandError(f"--data {data}: {what}; accepted is a folder with folders of the sets")
-    there = {about.name: folder_of(about, data, alone=wanted) for about in chosen}
+    there = {about.name: find_folder(about, data, alone=wanted) for about in chosen}
     absent = [about for about in chosen if there[about.name] is None]
     if len(absent) == len(chosen):
         names = ", ".join(about.name for about in chosen)
-        where = f"; {where_from(chosen[0])}" if wanted else ""
+        where = f"; {describe_source(chosen[0])}" if wanted else ""
         raise CommandError(f"--data {data}: has no set; accepted are folders in it named {names}{where}")
     old = kept_rows(keep) if keep is not None and keep.exists() else []
     known = old or kept_rows()
@@ -96,21 +96,21 @@ def _run(chosen: Sequence[DataSet], data: Path, keep: Path | None, as_json: bool
         found.append((about, rows))
     if not found:
         raise refused[0]
-    _show(found, as_json)
+    _print_tables(found, as_json)
     for reason in refused:
         print(f"ins-lab: {reason}", file=sys.stderr)
     for about in absent:
-        print(f"ins-lab: {about.name} is not in {data}: {where_from(about)}", file=sys.stderr)
+        print(f"ins-lab: {about.name} is not in {data}: {describe_source(about)}", file=sys.stderr)
     if keep is not None:
         with writing(keep, "--keep"):
-            write(keep, merged(old, [row for _, rows in found for row in rows]))
+            write(keep, merge_rows(old, [row for _, rows in found for row in rows]))
     if refused:
         raise typer.Exit(2)
 
 
-def _show(found: Sequence[tuple[DataSet, Sequence[Row]]], as_json: bool) -> None:
+def _print_tables(found: Sequence[tuple[DataSet, Sequence[Row]]], as_json: bool) -> None:
     """Print the tables of some sets, each followed by what it rests on."""
-    from lab.experiment.scoreboard.results import notes_of, program_notes, standing, table_of  # noqa: PLC0415
+    from lab.experiment.scoreboard.results import describe_standing, list_notes, program_notes, tabulate_rows  # noqa: PLC0415
 
     if as_json:
         data = [
@@ -120,7 +120,7 @@ def _show(found: Sequence[tuple[DataSet, Sequence[Row]]], as_json: bool) -> None
                 "licence": about.licence,
                 "protocol": about.protocol._asdict(),
                 "published": [one._asdict() for one in about.published],
-                "standing": dict(zip(("sentence", "rests_on"), standing(about, rows), strict=True)),
+                "standing": dict(zip(("sentence", "rests_on"), describe_standing(about, rows), strict=True)),
                 "rows": [row._asdict() for row in rows],
             }
             for about, rows in found
@@ -129,13 +129,13 @@ def _show(found: Sequence[tuple[DataSet, Sequence[Row]]], as_json: bool) -> None
         return
     parts = []
     for about, rows in found:
-        titles, lines = table_of(about, rows)
-        sentence, basis = standing(about, rows)
+        titles, lines = tabulate_rows(about, rows)
+        sentence, basis = describe_standing(about, rows)
         parts.append(
             f"{about.name}: {about.title}\n{about.source}, {about.licence}\n\n"
             + table(titles, lines, right=set(range(1, len(titles))))
             + f"\n\n{sentence}\n  [{basis}]\n"
-            + "\n".join(f"  {note}" for note in notes_of(about))
+            + "\n".join(f"  {note}" for note in list_notes(about))
         )
     notes = program_notes([row for _, rows in found for row in rows])
     print("\n\n".join((*parts, "\n".join(notes))).rstrip())

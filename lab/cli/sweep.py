@@ -13,9 +13,9 @@ import typer
 
 from lab.cli import options
 from lab.cli.app import CommandError, argument, option, print_json, working, writing
-from lab.cli.ensemble import beside, shown
+from lab.cli.ensemble import format_beside, shown
 from lab.cli.interrupt import STOPPED, interrupted
-from lab.cli.terminal import listed, paragraphs, table
+from lab.cli.terminal import format_list, paragraphs, table
 from lab.missions import LogMission
 from lab.missions import mission as find_mission
 
@@ -86,7 +86,7 @@ def sweep(
     """Navigate with values of settings, sensor cards or missions and many seeds; show the errors of each."""
     options.check_out(out, force, (".nc", ".csv"), "a netCDF file or a table", "--out")
     texts = _by_path(over)
-    missions = [options.single_mission(name) for name in parts_of("mission", texts.get("mission", ""))]
+    missions = [options.single_mission(name) for name in split_values("mission", texts.get("mission", ""))]
     if mission is None and not missions:
         raise CommandError("MISSION: is missing; accepted is a mission, or --over mission=NAME,...")
     first = missions[0] if mission is None else options.single_mission(mission)
@@ -98,7 +98,7 @@ def sweep(
     settings: dict[str, Sequence[Any]] = dict.fromkeys(texts, missions)
     for path, text in texts.items():
         if path != "mission":
-            settings[path] = _cards(text, assumed) if path == "card" else values_of(chosen, path, text)
+            settings[path] = _cards(text, assumed) if path == "card" else parse_values(chosen, path, text)
     is_log = any(isinstance(find_mission(name), LogMission) for name in missions or [chosen.mission])
     count = seeds if seeds is not None else 1 if is_log else SEEDS
     runs = _checked_size(settings, count)
@@ -117,7 +117,7 @@ def sweep(
             progress,
             workers,
             fast=fast,
-            fixed=_fixed(chosen, assignments or []) if has_cards else {},
+            fixed=_parse_settings(chosen, assignments or []) if has_cards else {},
             cancelled=pressed.is_set,
             client=client,
         )
@@ -132,7 +132,7 @@ def sweep(
     if as_json:
         print_json(facts)
     else:
-        print(paragraphs(_points(facts), listed((*found.refused, *facts["remarks"]))))
+        print(paragraphs(_points(facts), format_list((*found.refused, *facts["remarks"]))))
     if out is not None:
         write = found.to_netcdf if out.suffix.lower() == ".nc" else found.to_csv
         with writing(out, "--out"):
@@ -157,7 +157,7 @@ def _by_path(over: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def parts_of(path: str, text: str) -> list[str]:
+def split_values(path: str, text: str) -> list[str]:
     """Return the values in a text that are separated by commas; commas in lists and quotes separate nothing.
 
     Raises
@@ -173,17 +173,17 @@ def parts_of(path: str, text: str) -> list[str]:
             parts.append("")
         else:
             parts[-1] += sign
-    parts = [_unquoted(part.strip()) for part in parts] if text else []
+    parts = [_unquote_text(part.strip()) for part in parts] if text else []
     if not all(parts):
         raise CommandError(f"--over {path}={text[:60]}: a value between commas is empty; {ACCEPTED}")
     return parts
 
 
-def _unquoted(text: str) -> str:
+def _unquote_text(text: str) -> str:
     return text[1:-1] if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'" else text
 
 
-def values_of(chosen: Experiment, path: str, text: str) -> list[Any]:
+def parse_values(chosen: Experiment, path: str, text: str) -> list[Any]:
     """Return the values of a setting that a text names: a list of them, or a range.
 
     Parameters
@@ -208,15 +208,15 @@ def values_of(chosen: Experiment, path: str, text: str) -> list[Any]:
 
     declaration = chosen.declaration(path)
     if ":" in text and isinstance(declaration, param.Number | AxisQuantity | QuantityOrNone):
-        return range_of(path, text)
-    parts = parts_of(path, text)
+        return parse_range(path, text)
+    parts = split_values(path, text)
     try:
         return [value_of(declaration, part) for part in parts]
     except ValueError as error:
         raise SettingError(f"--over {path}: {error}") from error
 
 
-def range_of(path: str, text: str) -> list[float]:
+def parse_range(path: str, text: str) -> list[float]:
     """Return the numbers of a range, ends included, at equal distances or ratios.
 
     Parameters
@@ -275,7 +275,7 @@ def _cards(text: str, assumed: bool) -> list[SensorCard]:
     """Return the named cards; ``all`` stands for all of the catalogue."""
     from lab.sensors.cards import card, cards  # noqa: PLC0415 - rarely needed
 
-    names = parts_of("card", text)
+    names = split_values("card", text)
     return [card(name, assumed=assumed) for name in (cards() if names == ["all"] else names)]
 
 
@@ -287,7 +287,7 @@ def _remarks(cards: Sequence[SensorCard]) -> list[str]:
     return [f"{name}: {remark}" for name, remark in found.items() if remark]
 
 
-def _fixed(chosen: Experiment, assignments: Sequence[str]) -> dict[str, Any]:
+def _parse_settings(chosen: Experiment, assignments: Sequence[str]) -> dict[str, Any]:
     """Return the settings of --set, which override those of a card."""
     paths = (text.partition("=")[0].strip() for text in assignments)
     return {path: chosen.get(path) for path in paths if path not in {"mission", "seed"}}
@@ -306,16 +306,18 @@ def _checked_size(settings: Mapping[str, Sequence[Any]], seeds: int) -> int:
 def _points(facts: Mapping[str, Any]) -> str:
     """Return a row for each combination of values."""
     swept = facts["swept"]
-    titles = [_titled(one["setting"].split(".")[-1], one["unit"]) for one in swept]
+    titles = [_column_title(one["setting"].split(".")[-1], one["unit"]) for one in swept]
     errors = [(name, facts["points"][0][name]["unit"]) for name in ("position", "velocity", "heading")]
-    titles += [title for name, unit in errors for title in (_titled(name, unit), _titled("σ", unit))]
+    titles += [
+        title for name, unit in errors for title in (_column_title(name, unit), _column_title("σ", unit))
+    ]
     titles += ["95 % [m]", "NEES", "NIS", "runs"]
     rows = [
         (
             *(_value(point["values"][one["setting"]]) for one in swept),
             *(shown(point[name][figure]) for name, _ in errors for figure in ("rms", "sigma")),
             shown(point["horizontal_95"]),
-            *(beside(point[name]) for name in ("nees", "nis")),
+            *(format_beside(point[name]) for name in ("nees", "nis")),
             str(point["runs"]),
         )
         for point in facts["points"]
@@ -328,5 +330,5 @@ def _value(value: Any) -> str:
     return value if isinstance(value, str) else f"{value:.6g}"
 
 
-def _titled(name: str, unit: str) -> str:
+def _column_title(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name

@@ -49,7 +49,7 @@ def spell_what_cannot_be_encoded() -> None:
             stream.reconfigure(errors="ins-lab-spelled")
 
 
-def visible(text: str) -> str:
+def escape_controls(text: str) -> str:
     """Return a text with escapes in place of signs that a terminal obeys, or that change the direction.
 
     A stranger's mission or the name of a file may contain them, to clear the screen or to look like another
@@ -59,7 +59,7 @@ def visible(text: str) -> str:
 
 
 class VisibleText:
-    """A stream that writes every text as `visible`; in all else, it is the stream below it.
+    """A stream that writes every text as `escape_controls`; in all else, it is the stream below it.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class VisibleText:
     def write(self, text: str) -> int:
         """Write a text, in place of `say_starting`."""
         _erase_starting()
-        return self.stream.write(visible(text))
+        return self.stream.write(escape_controls(text))
 
     def __getattr__(self, name: str) -> Any:
         """Return anything else of the stream below it."""
@@ -85,7 +85,7 @@ class VisibleText:
 
 @contextlib.contextmanager
 def visible_output() -> Iterator[None]:
-    """Write to standard output and error as `visible` while this is open."""
+    """Write to standard output and error as `escape_controls` while this is open."""
     out, error = (cast(TextIO, VisibleText(stream)) for stream in (sys.stdout, sys.stderr))
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
         try:
@@ -162,7 +162,7 @@ def paragraphs(*parts: str) -> str:
     return "\n\n".join(filter(None, parts))
 
 
-def listed(sentences: Iterable[str]) -> str:
+def format_list(sentences: Iterable[str]) -> str:
     """Return sentences as a list, each on a line."""
     return "\n".join(f"- {sentence}" for sentence in sentences)
 
@@ -225,7 +225,7 @@ class ProgressLine:
             pause = 1.0
 
     def _write(self) -> None:
-        line = visible(f"{self._task}: {self._step} ..." if self._step else f"{self._task} ...")
+        line = escape_controls(f"{self._task}: {self._step} ..." if self._step else f"{self._task} ...")
         self._written = self._fraction
         seconds = time.monotonic() - self._begin
         self._stream.write(

@@ -22,7 +22,7 @@ from lab.data.protocols import mavlink_file, receiver_file
 from lab.data.protocols.recognition import sound_frames
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.sheets import flightgear, garmin_csv, sensor_csv, simulator_csv, xplane_data
-from lab.data.sheets.flight_columns import recognised
+from lab.data.sheets.flight_columns import recognises_header
 from lab.data.sheets.sheet_coordinates import LatitudeError
 
 HEAD_BYTES = 2**16
@@ -70,7 +70,7 @@ READERS: tuple[Reader, ...] = (
     *(
         Reader(
             one.name,
-            partial(recognised, profile=one),
+            partial(recognises_header, profile=one),
             partial((garmin_csv if one.magnetic else simulator_csv).read, one),
         )
         for one in shipped_profiles()

@@ -28,7 +28,7 @@ from lab.data.sheets.sheet_imu import triads
 from lab.data.streams.capture import holds_samples
 from lab.data.streams.recorded_log import has_reader, recorded_samples
 from lab.experiment.experiment import Experiment
-from lab.experiment.log_file import called
+from lab.experiment.log_file import mission_name
 from lab.experiment.log_result import LogResult
 from lab.missions import LogMission, missions
 from lab.missions import mission as find_mission
@@ -133,14 +133,15 @@ def calibrate_mounting(
     experiment = source.copy() if isinstance(source, Experiment) else Experiment(mission=str(source))
     if not isinstance(find_mission(experiment.mission), LogMission):
         raise MissionError(
-            f"{called(experiment.mission)}: is a simulated mission, whose IMU is mounted straight; accepted "
+            f"{mission_name(experiment.mission)}: is a simulated mission, whose IMU is mounted straight; "
+            "accepted "
             "is a sensor log"
         )
     tell = progress or (lambda _stage, _fraction: None)
     mounting.check_drive(find_mission(experiment.mission).log)  # type: ignore[attr-defined]
     result = experiment.run(lambda stage, part: tell(stage, 0.1 * part))
     assert isinstance(result, LogResult)
-    return mounting.calibrate(result.recorded.log, experiment, called(experiment.mission), progress)
+    return mounting.calibrate(result.recorded.log, experiment, mission_name(experiment.mission), progress)
 
 
 def card_of(found: ImuCalibration, name: str) -> Card:

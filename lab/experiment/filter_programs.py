@@ -129,11 +129,11 @@ class Program(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def _same(_rate: float) -> float:
+def _unchanged_value(_rate: float) -> float:
     return 1.0
 
 
-def _per(step: float) -> Callable[[float], float]:
+def _divide_by_root(step: float) -> Callable[[float], float]:
     return lambda _rate: step**-0.5
 
 
@@ -170,7 +170,7 @@ PROGRAMS = {
                 "rad/s^2/sqrt(Hz), continuous",
                 "m/s^3/sqrt(Hz), continuous",
             ),
-            (_same,) * 4,
+            (_unchanged_value,) * 4,
         ),
         after=("# Hz", "update_rate: {rate:.6g}"),
         notes=("rostopic is yours.",),
@@ -188,7 +188,7 @@ PROGRAMS = {
                 "rad/s^2, step of the bias over 10 ms",
                 "m/s^3, step of the bias over 10 ms",
             ),
-            (_per(STEP_PX4),) * 4,
+            (_divide_by_root(STEP_PX4),) * 4,
             (Limits(0.0001, 0.1), Limits(0.01, 1.0), Limits(0.0, 0.01), Limits(0.0, 0.01)),
         ),
         notes=(
@@ -210,7 +210,7 @@ PROGRAMS = {
                 "rad/s/s, step of the bias over 12 ms",
                 "m/s/s/s, step of the bias over 12 ms",
             ),
-            (_per(STEP_ARDUPILOT),) * 4,
+            (_divide_by_root(STEP_ARDUPILOT),) * 4,
             (Limits(0.0001, 0.1), Limits(0.01, 1.0), Limits(0.00001, 0.001), Limits(0.00001, 0.02)),
         ),
         notes=(
@@ -252,17 +252,22 @@ PROGRAMS = {
         "{name} = {value};",
         "%",
         (
-            Parameter("gyro.NoiseDensity", "gyro", TERMS[0], "(rad/s)/sqrt(Hz)", _same),
-            Parameter("gyro.RandomWalk", "gyro", TERMS[1], "(rad/s)*sqrt(Hz)", _same),
-            Parameter("accel.NoiseDensity", "accelerometer", TERMS[0], "(m/s^2)/sqrt(Hz)", _same),
-            Parameter("accel.RandomWalk", "accelerometer", TERMS[1], "(m/s^2)*sqrt(Hz)", _same),
+            Parameter("gyro.NoiseDensity", "gyro", TERMS[0], "(rad/s)/sqrt(Hz)", _unchanged_value),
+            Parameter("gyro.RandomWalk", "gyro", TERMS[1], "(rad/s)*sqrt(Hz)", _unchanged_value),
+            Parameter("accel.NoiseDensity", "accelerometer", TERMS[0], "(m/s^2)/sqrt(Hz)", _unchanged_value),
+            Parameter("accel.RandomWalk", "accelerometer", TERMS[1], "(m/s^2)*sqrt(Hz)", _unchanged_value),
             Parameter("gyroCovariance", "gyro", TERMS[0], "(rad/s)^2, for fusegyro", math.sqrt, power=2),
             Parameter(
                 "accelCovariance", "accelerometer", TERMS[0], "(m/s^2)^2, for fuseaccel", math.sqrt, power=2
             ),
-            Parameter("filter.GyroscopeBiasNoise", "gyro", TERMS[1], "(rad/s)^2", _same, power=2),
+            Parameter("filter.GyroscopeBiasNoise", "gyro", TERMS[1], "(rad/s)^2", _unchanged_value, power=2),
             Parameter(
-                "filter.AccelerometerBiasNoise", "accelerometer", TERMS[1], "(m/s^2)^2", _same, power=2
+                "filter.AccelerometerBiasNoise",
+                "accelerometer",
+                TERMS[1],
+                "(m/s^2)^2",
+                _unchanged_value,
+                power=2,
             ),
         ),
         before=(
@@ -334,7 +339,7 @@ def lines(numbers: ImuNumbers, program: str) -> str:
         )
     out += known.before
     for parameter in known.parameters:
-        out += _lines_of(numbers, known, parameter)
+        out += _parameter_lines(numbers, known, parameter)
     out += [line.format(rate=numbers.rate) for line in known.after]
     if any(row.used > 0 for row in numbers.rows if row.term == TERMS[1]):
         out += known.after_walks
@@ -358,7 +363,7 @@ def _comment(begin: str, words: str) -> list[str]:
     )
 
 
-def _lines_of(numbers: ImuNumbers, known: Program, parameter: Parameter) -> list[str]:
+def _parameter_lines(numbers: ImuNumbers, known: Program, parameter: Parameter) -> list[str]:
     """Return a comment and the line of a parameter, or a comment on why there is none."""
     rows = [row for row in numbers.rows if (row.triad, row.term) == (parameter.triad, parameter.term)]
     if not rows or not rows[0].used > 0:

@@ -27,7 +27,7 @@ from lab.base.progress import Progress
 from lab.data.filter_logs import sensors_beside
 from lab.data.log.sensor_log import GnssLog
 from lab.experiment.experiment import Experiment
-from lab.experiment.log_file import called, is_opened, opened
+from lab.experiment.log_file import is_opened, mission_name, open_mission
 from lab.experiment.log_result import LogResult
 from lab.experiment.number_causes import cause, flicker
 from lab.experiment.number_table import TERMS, UNITS, Estimate, ImuNumbers, NumberRow
@@ -120,7 +120,7 @@ def numbers(
         return _of_rest(str(static), records)
     if isinstance(moving, Experiment):
         return _with_drive(static, records, refusal, moving.copy(), tell)
-    with opened(moving) as drive:
+    with open_mission(moving) as drive:
         return _with_drive(static, records, refusal, Experiment(mission=drive), tell)
 
 
@@ -137,7 +137,7 @@ def _with_drive(
         swapped = f" The drive {stands}: were the two logs swapped?" if "stands still" in stands else ""
         raise MissionError(f"{refusal}.{swapped}") from refusal
     if stands:
-        raise MissionError(f"{called(experiment.mission)}: the drive {stands}")
+        raise MissionError(f"{mission_name(experiment.mission)}: the drive {stands}")
     result = experiment.run(lambda stage, part: tell(stage, 0.1 + 0.1 * part))
     assert isinstance(result, LogResult)
     drive = _drive(result)
@@ -152,7 +152,7 @@ def _with_drive(
             result = experiment.run(lambda stage, part: tell(stage, 0.2 + 0.1 * part))
     found = result.identify(lambda stage, part: tell(stage, 0.3 + 0.7 * part))
     chosen = _by_rule(experiment, found, result)
-    return _of_both(where, experiment, records, drive, found, chosen)
+    return _merge_numbers(where, experiment, records, drive, found, chosen)
 
 
 def _why_no_drive(experiment: Experiment) -> str:
@@ -167,7 +167,7 @@ def _why_no_drive(experiment: Experiment) -> str:
     if not gnss.time.size:
         return "has no fixes; accepted is a log of an IMU with a GPS receiver"
     length = min(where.duration, float(gnss.time[-1])) - max(0.0, float(gnss.time[0]))
-    moving = _moving(gnss) * length
+    moving = _fraction_moving(gnss) * length
     if moving < LEAST_MOTION:
         return (
             f"stands still: its fixes move faster than {MOVES:g} m/s for {moving:.0f} s; accepted are at "
@@ -181,7 +181,7 @@ def _why_no_drive(experiment: Experiment) -> str:
     return ""
 
 
-def _moving(gnss: GnssLog) -> float:
+def _fraction_moving(gnss: GnssLog) -> float:
     """Return the part of the fixes that move."""
     speed = np.linalg.norm(np.nan_to_num(gnss.velocity_n), axis=1)
     if np.isnan(gnss.velocity_n).all():
@@ -199,7 +199,7 @@ def _check_still(static: str | Path, records: RestRecords) -> None:
     if isinstance(beside, str) or not beside.gnss.time.size:
         return
     length = float(np.ptp(beside.gnss.time))
-    moving, used = _moving(beside.gnss) * length, max(one.duration for one in records.values())
+    moving, used = _fraction_moving(beside.gnss) * length, max(one.duration for one in records.values())
     if moving >= LEAST_MOTION and used > length - moving:
         raise MissionError(
             f"{static}: the log at rest moved: its fixes move faster than {MOVES:g} m/s for {moving:.0f} s "
@@ -386,7 +386,9 @@ def _by_rule(experiment: Experiment, found: Identification, result: Run) -> _Cho
     now = experiment.copy()
     if found.recommended:
         now.update(found.settings())
-    applied = {_key_of(name) for name in found.applied if _key_of(name)} if found.recommended else set()
+    applied = (
+        {_key_of_term(name) for name in found.applied if _key_of_term(name)} if found.recommended else set()
+    )
     again = subject(result)
     first, last = again.span
     masks = outages(again.stamps, first + LARGEST_PART * (last - first), last)
@@ -394,7 +396,7 @@ def _by_rule(experiment: Experiment, found: Identification, result: Run) -> _Cho
     chosen = _Chosen(now, frozenset(), "")
     before = best = held_out(again, now, masks, dropped)
     for keys in (set(_keys(TRIADS)) - applied, set(_keys(TRIADS))):
-        tried = _multiplied(now, experiment, keys)
+        tried = _multiply_terms(now, experiment, keys)
         after = held_out(again, tried, masks, dropped)
         if after.position_error < best.position_error and after.log_likelihood > best.log_likelihood:
             best = after
@@ -405,14 +407,14 @@ def _by_rule(experiment: Experiment, found: Identification, result: Run) -> _Cho
     return chosen
 
 
-def _key_of(name: str) -> tuple[str, str] | None:
+def _key_of_term(name: str) -> tuple[str, str] | None:
     """Return the key of the term that a parameter of an identification is; None for others."""
     triad, _, rest_of_name = name.partition(" ")
     terms = {"noise density": TERMS[0], "bias drive": TERMS[1]}
     return (triad, terms[rest_of_name]) if rest_of_name in terms else None
 
 
-def _multiplied(now: Experiment, still: Experiment, keys: Collection[tuple[str, str]]) -> Experiment:
+def _multiply_terms(now: Experiment, still: Experiment, keys: Collection[tuple[str, str]]) -> Experiment:
     """Return settings with some terms as at rest, times `RULE`."""
     tried = now.copy()
     for triad, term in keys:
@@ -424,7 +426,7 @@ def _multiplied(now: Experiment, still: Experiment, keys: Collection[tuple[str, 
     return tried
 
 
-def _of_both(
+def _merge_numbers(
     where: str,
     experiment: Experiment,
     records: RestRecords | None,
@@ -434,7 +436,7 @@ def _of_both(
 ) -> ImuNumbers:
     """Return the numbers of a rest, which may be missing, and a drive."""
     seen, rows = _estimates(records), []
-    by_key = {_key_of(row.parameter): row for row in found.rows}
+    by_key = {_key_of_term(row.parameter): row for row in found.rows}
     trusted = found.recommended
     for key in _keys(TRIADS):
         triad, term = key
@@ -454,7 +456,7 @@ def _of_both(
             )
         elif trusted and one.applied:
             how = "chosen with one factor on Q" if found.chosen_by == "factors" else "identified"
-            used, basis = one.after, f"{how} in {called(experiment.mission)} by {judged}"
+            used, basis = one.after, f"{how} in {mission_name(experiment.mission)} by {judged}"
         elif still is not None:
             said = "the drive does not refute it" if trusted else f"the drive gives no better one ({judged})"
             used, basis = None, f"the Allan deviation of {where}; {said}"
@@ -465,7 +467,7 @@ def _of_both(
         rows.append(_row(key, still, moving, why, drive.dt, used, basis))
     remarks = [*_about_rest(records), *_about_rates(records, drive), *found.remarks]
     lasting = None if is_opened(experiment.mission) else chosen.experiment
-    name = called(experiment.mission)
+    name = mission_name(experiment.mission)
     return ImuNumbers(where, name, 1 / drive.dt, tuple(rows), _walks(drive), lasting, tuple(remarks))
 
 

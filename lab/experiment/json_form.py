@@ -13,7 +13,7 @@ import numpy as np
 
 from lab.analysis.consistency import chi_square_interval
 from lab.base.parameters.setting_kinds import is_changed
-from lab.base.plain_data import plain
+from lab.base.plain_data import to_plain_data
 from lab.experiment.ensembles.run_at_fixes import mean_of_known
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ COLUMNS = {
 """Names of fields, by the titles of those columns that have another one."""
 
 
-def json_of(result: Result, budget: bool, identification: Identification | None) -> dict[str, Any]:
+def result_to_json(result: Result, budget: bool, identification: Identification | None) -> dict[str, Any]:
     """Return a result as plain data; see `Result.to_dict`."""
     experiment, log = result.experiment, result.recorded
     missing = {name: result.missing_reason(name) for name in ("summary", "coverage", "consistency", "budget")}
@@ -61,10 +61,10 @@ def json_of(result: Result, budget: bool, identification: Identification | None)
         "remarks": result.remarks,
         "verdict": _verdict(result.tried_verdict),
         "gaps": None if log is None else {"filled": log.log.gaps, "breaks": log.log.breaks},
-        "budget": budget_of(result.budget.isel(time=-1)) if budget and not missing["budget"] else None,
-        "identification": None if identification is None else identification_of(identification),
+        "budget": budget_to_json(result.budget.isel(time=-1)) if budget and not missing["budget"] else None,
+        "identification": None if identification is None else identification_to_json(identification),
     }
-    form: dict[str, Any] = plain(found)
+    form: dict[str, Any] = to_plain_data(found)
     return form
 
 
@@ -95,7 +95,7 @@ def ensemble_json(ensemble: Ensemble, verdict: Verdict) -> dict[str, Any]:
         "remarks": [remark for remark in remarks if remark],
         "verdict": _verdict(verdict),
     }
-    form: dict[str, Any] = plain(found)
+    form: dict[str, Any] = to_plain_data(found)
     return form
 
 
@@ -134,7 +134,7 @@ def sweep_json(sweep: Sweep) -> dict[str, Any]:
         ],
         "refused": sweep.refused,
     }
-    form: dict[str, Any] = plain(found)
+    form: dict[str, Any] = to_plain_data(found)
     return form
 
 
@@ -172,7 +172,7 @@ def changed_settings(experiment: ExperimentSettings) -> dict[str, Any]:
     return {path: value for path, value in changed.items() if path != "seed" or not experiment.hidden}
 
 
-def budget_of(there: xr.Dataset) -> dict[str, Any]:
+def budget_to_json(there: xr.Dataset) -> dict[str, Any]:
     """Return an error budget at one time as plain data, each quantity separately."""
     quantities = []
     for quantity in there.quantity.values:
@@ -192,7 +192,7 @@ def budget_of(there: xr.Dataset) -> dict[str, Any]:
     return {"time_s": there.time.item(), "quantities": quantities, "left_out": there.attrs["left_out"]}
 
 
-def identification_of(found: Identification) -> dict[str, Any]:
+def identification_to_json(found: Identification) -> dict[str, Any]:
     """Return an identification as plain data."""
     facts = {one.name: getattr(found, one.name) for one in fields(found) if one.name != "changes_of"}
     return {

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.foreign_track import Compared, Statement, against
+from lab.analysis.verdicts.foreign_track import Compared, Statement, compare_positions
 from lab.analysis.verdicts.foreign_verdict import ForeignVerdict, judge_foreign
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
@@ -15,7 +15,7 @@ from lab.data.filter_logs import read_filter_log, sensors_beside
 from lab.data.log.filter_log import FilterLog
 from lab.data.log.sensor_log import SensorLog
 from lab.experiment.experiment import Experiment
-from lab.experiment.log_file import written
+from lab.experiment.log_file import write_mission
 from lab.navigation.filters.error_models import POS
 
 _COMPARED = 2000
@@ -54,7 +54,7 @@ def judge(
     further = []
     if smoother:
         say("smoothing", 0.4)
-        further = [_no_smoother(str(sensors)) if known is None else _smoothed(log, known)]
+        further = [_no_smoother(str(sensors)) if known is None else _compare_with_smoothed(log, known)]
     return judge_foreign(log, known, further)
 
 
@@ -62,12 +62,12 @@ def _no_smoother(why: str) -> Compared:
     return Compared(Statement("It is not compared with our smoother.", why))
 
 
-def _smoothed(log: FilterLog, sensors: SensorLog) -> Compared:
+def _compare_with_smoothed(log: FilterLog, sensors: SensorLog) -> Compared:
     """Return the comparison with our smoothed solution, if that is consistent itself."""
     if log.lane.track is None:
         return _no_smoother("the log does not give its positions")
     try:
-        with written(sensors, "log") as place:
+        with write_mission(sensors, "log") as place:
             experiment = Experiment(mission=place)
             experiment.navigator.smoother = True
             result = experiment.run()
@@ -82,7 +82,7 @@ def _smoothed(log: FilterLog, sensors: SensorLog) -> Compared:
         )
     sigma = arrays.variance[:, POS] ** 0.5
     rows = slice(None, None, max(1, len(time) // _COMPARED))
-    found = against(
+    found = compare_positions(
         log.lane.track, "our smoothed solution", time[rows] + sensors.epoch, arrays.position[rows],
         sigma[rows], arrays.velocity_n[rows],
     )  # fmt: skip

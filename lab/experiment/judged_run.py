@@ -10,7 +10,7 @@ from lab.analysis import feedforward
 from lab.analysis.verdicts import linear_verdict, state_advice, suggestion, trial
 from lab.analysis.verdicts.algorithm_verdict import judge
 from lab.analysis.verdicts.evidence import Evidence
-from lab.analysis.verdicts.run_evidence import evidence_of
+from lab.analysis.verdicts.run_evidence import collect_evidence
 from lab.analysis.verdicts.run_means import NEES
 from lab.analysis.verdicts.trial import Repeatable
 from lab.analysis.verdicts.verdict import Verdict
@@ -32,7 +32,7 @@ class JudgedRun(Repeatable):
     @cached_property
     def free_run(self) -> feedforward.FreeRun:
         """How far the navigator runs free."""
-        return feedforward.free_run_of(self)
+        return feedforward.measure_free_run(self)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -40,7 +40,9 @@ class JudgedRun(Repeatable):
         if self.evidence.nees is None:
             return self.innovation_verdict
         found = self._of_linear(judge(self.evidence), self.evidence)
-        return found if self.algorithm else state_advice.of_simulated(found, self.experiment, self.belief.P0)
+        return (
+            found if self.algorithm else state_advice.advise_simulated(found, self.experiment, self.belief.P0)
+        )
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -51,7 +53,7 @@ class JudgedRun(Repeatable):
         """
         found = self.verdict
         if trial.can_be_tried(found, self.algorithm):
-            found = trial.tried(found, [self])
+            found = trial.try_advice(found, [self])
         return suggestion.with_suggestions(found, self)
 
     @cached_property
@@ -64,19 +66,19 @@ class JudgedRun(Repeatable):
         if self.algorithm:
             return found
         if self.recorded is None:
-            return state_advice.of_simulated(found, self.experiment, self.belief.P0)
-        from lab.analysis.identification.log_faults import noted  # noqa: PLC0415 - a simulated run needs none of it
+            return state_advice.advise_simulated(found, self.experiment, self.belief.P0)
+        from lab.analysis.identification.log_faults import name_lost_samples  # noqa: PLC0415 - a simulated run needs none of it
 
-        return noted(state_advice.of_log(found, self), self.recorded.log)
+        return name_lost_samples(state_advice.advise_log(found, self), self.recorded.log)
 
     @cached_property
     def _judged_innovations(self) -> Verdict:
         """The verdict from the innovations, before advice about states is added."""
-        from lab.analysis.identification.contradiction import explained  # noqa: PLC0415 - a run needs none of it
+        from lab.analysis.identification.contradiction import explain_by_faults  # noqa: PLC0415 - a run needs none of it
 
         evidence = self.evidence.without_truth()
         judged = judge(evidence)
-        found = explained(self, judged)
+        found = explain_by_faults(self, judged)
         return self._of_linear(found, evidence) if found is judged else found
 
     def _of_linear(self, verdict: Verdict, evidence: Evidence) -> Verdict:
@@ -110,7 +112,7 @@ class JudgedRun(Repeatable):
         filtered = self.filtered
         if self.is_long:
             give_back()
-        return evidence_of(self, filtered)
+        return collect_evidence(self, filtered)
 
     def identify(self, progress: Progress | None = None) -> Identification:
         """Identify the sensors from the innovations: noise, bias drive, R, latency and lever arm.

@@ -36,10 +36,10 @@ def is_log_file(source: str | os.PathLike[str]) -> bool:
 
 
 @contextmanager
-def opened(source: str | os.PathLike[str]) -> Iterator[str]:
+def open_mission(source: str | os.PathLike[str]) -> Iterator[str]:
     """Yield the mission of a source: its name, or the folder of a log that was read from a file.
 
-    The folder exists as long as this is open; `called` returns the name of the file.
+    The folder exists as long as this is open; `mission_name` returns the name of the file.
 
     Parameters
     ----------
@@ -55,12 +55,12 @@ def opened(source: str | os.PathLike[str]) -> Iterator[str]:
         yield os.fspath(source)
         return
     path = Path(source)
-    with written(any_log([path]), path.name) as folder:
+    with write_mission(any_log([path]), path.name) as folder:
         yield folder
 
 
 @contextmanager
-def written(log: SensorLog, name: str) -> Iterator[str]:
+def write_mission(log: SensorLog, name: str) -> Iterator[str]:
     """Yield the mission of a log in a temporary folder; a message of it has its name in place of the folder.
 
     Raises
@@ -77,11 +77,11 @@ def written(log: SensorLog, name: str) -> Iterator[str]:
             raise MissionError(str(error).replace(f"{outer}{os.sep}", "")) from error
 
 
-def called(mission: str) -> str:
-    """Return the name of a mission for people: of one that `opened` or `written` yields, that of its file."""
+def mission_name(mission: str) -> str:
+    """Return the name of a mission for people: that of its file, if it is of a log in one."""
     return Path(mission).name if is_opened(mission) else mission
 
 
 def is_opened(mission: str) -> bool:
-    """Return whether a mission is one that `opened` or `written` yields, which does not last."""
+    """Return whether a mission is one that `open_mission` or `write_mission` yields, which does not last."""
     return Path(mission).parent.name.startswith(PREFIX)

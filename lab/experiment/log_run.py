@@ -13,7 +13,7 @@ from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache, digest
 from lab.data.checks.full_scale import range_remarks
 from lab.data.log.log_remarks import clock_text
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.data.log.vehicle import vehicle_of
 from lab.experiment.log_result import LogResult
 from lab.experiment.result import Runnable
@@ -25,11 +25,11 @@ from lab.navigation.belief import assumed_latency, assumed_lever_arm, chosen_blo
 from lab.navigation.filters.blocks import CORE
 from lab.navigation.filters.error_models import POS
 from lab.navigation.log_navigation import RecordedRun, navigate_log
-from lab.navigation.log_readings import readings_of
+from lab.navigation.log_readings import collect_readings
 from lab.navigation.model_choice import is_ready
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
-from lab.run.log_reference import comparison_remark, reference_at
+from lab.run.log_reference import comparison_remark, interpolate_reference
 from lab.run.memory import bytes_per_run, check_memory
 from lab.run.run import Recorded
 from lab.sensors.gps import GpsFixes
@@ -150,7 +150,7 @@ def run_log(
     vehicle = "" if navigator.vehicle == "auto" else str(navigator.vehicle)
     content = digest(mission.content_hash, {"vehicle": vehicle})
     whole = cache.get("log", content, lambda: mission.log_of(vehicle))
-    log = piece(whole, navigator.log_from, navigator.log_to)
+    log = cut_section(whole, navigator.log_from, navigator.log_to)
     outages = outages_in(log, sensors.gps.outages)
     progress("Navigating" if is_ready(navigator) else "Preparing the navigator (compiled once)", 0.4)
     needed = bytes_per_run(
@@ -160,21 +160,21 @@ def run_log(
         drifting=0,
         exact=False,
         arm=bool(assumed_lever_arm(navigator, log.gnss.lever_arm).any()),
-        aids=sum(one.time.size for one in readings_of(log, sensors).values()),
+        aids=sum(one.time.size for one in collect_readings(log, sensors).values()),
     )
     check_memory(needed, log.time.size, log.time.size / max(log.duration, 1.0))
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, navigator)}
     made, seconds = cache.get(
         "log navigation",
         digest(content, settings | {"mission": ""}, chosen_blocks(navigator, sensors)),
-        lambda: timed(lambda: navigate_log(log, sensors, navigator, outages)),
+        lambda: time_navigation(lambda: navigate_log(log, sensors, navigator, outages)),
     )
     solution = made.solution
     if algorithm is not None:
-        solution, seconds = timed(
+        solution, seconds = time_navigation(
             lambda: run_algorithm(algorithm, made.imu, made.fixes, made.alignment.start)
         )
-    truth = None if log.reference is None else reference_at(log.reference, made.imu.time)
+    truth = None if log.reference is None else interpolate_reference(log.reference, made.imu.time)
     progress("Done", 1.0)
     return _result(experiment, mission, log, made, solution, seconds, truth, algorithm)
 
@@ -308,7 +308,7 @@ def coasting_remarks(log: SensorLog, time: FloatArray, fixes: FloatArray, soluti
     ]
 
 
-def timed(navigate: Callable[[], T]) -> tuple[T, float]:
+def time_navigation(navigate: Callable[[], T]) -> tuple[T, float]:
     """Return the result of a navigator, and its computing time [s]."""
     begun = time.perf_counter()
     return navigate(), time.perf_counter() - begun

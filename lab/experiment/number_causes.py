@@ -41,7 +41,7 @@ def cause(
     both[:, 3 * TRIADS.index(triad) :][:, :3] = rates
     causes = range_remarks(both)
     if term == TERMS[0]:
-        causes += _shaken(triad, rates, dt, records)
+        causes += _vibration_cause(triad, rates, dt, records)
     elif records and (walk := _flicker_walk(triad, records)) is not None:
         equal, tau = walk
         if equal >= moving.low:
@@ -58,7 +58,7 @@ def cause(
     return " ".join(causes)
 
 
-def _shaken(triad: str, values: FloatArray, dt: float, records: RestRecords | None) -> list[str]:
+def _vibration_cause(triad: str, values: FloatArray, dt: float, records: RestRecords | None) -> list[str]:
     """Return vibration as a cause, with its line."""
     moving = vibration(values, dt)
     still = vibration(*records[triad]) if records and triad in records else None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lab.base.parameters.units import TO_SI
-from lab.base.plain_data import plain
+from lab.base.plain_data import to_plain_data
 
 if TYPE_CHECKING:
     from lab.experiment.experiment import Experiment
@@ -172,7 +172,7 @@ class ImuNumbers:
             }
             for row in self.rows
         ]
-        found: dict[str, Any] = plain(
+        found: dict[str, Any] = to_plain_data(
             {
                 "static": self.static or None,
                 "moving": self.moving or None,

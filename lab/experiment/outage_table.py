@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lab.analysis.quantile import CONFIDENCE, QuantileInterval, quantile_interval
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
-from lab.base.plain_data import plain
+from lab.base.plain_data import to_plain_data
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -264,7 +264,7 @@ class OutageTable(NotebookCard):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, which JSON can hold; ends of intervals may be None."""
-        found: dict[str, Any] = plain(
+        found: dict[str, Any] = to_plain_data(
             {
                 "schema": SCHEMA,
                 "schema_version": VERSION,
@@ -287,9 +287,9 @@ class OutageTable(NotebookCard):
             "honest",
             *(() if self.wish is None else (f"within {self.wish:g} m",)),
         )
-        return titles, [self._cells_of(row, len(titles)) for row in self.rows]
+        return titles, [self._row_cells(row, len(titles)) for row in self.rows]
 
-    def _cells_of(self, row: OutageRow, width: int) -> tuple[str, ...]:
+    def _row_cells(self, row: OutageRow, width: int) -> tuple[str, ...]:
         if not row.runs:
             missing = f"Does not run: {row.refusal}" if row.refusal else "…"
             return (row.name, row.grade, *("–",) * (width - 3), missing)
@@ -317,7 +317,8 @@ class OutageTable(NotebookCard):
         few = [row for row in self.rows if row.runs and not np.isfinite(row.most.high)]
         if any(np.isfinite(row.most.value) for row in few):
             found.append(
-                f"A question mark: too few runs for an upper end. {fewest(MOST)} give one; without it, no "
+                f"A question mark: too few runs for an upper end. {fewest_values(MOST)} give one; "
+                "without it, no "
                 "sensor passes."
             )
         if any(np.isinf(row.most.value) for row in self.rows):
@@ -336,7 +337,7 @@ class OutageTable(NotebookCard):
         most = max((len(row.errors.seeds) for row in known if row.errors), default=0)
 
         def filled(name: str) -> FloatArray:
-            return np.array([_filled(getattr(row.errors, name), most) for row in known])
+            return np.array([_fill_rows(getattr(row.errors, name), most) for row in known])
 
         each, run = ("card", "run", "since"), ("card", "run")
         curves = np.array([row.curve() for row in known]).reshape(len(known), self.since.size, 3)
@@ -371,7 +372,7 @@ def digits(value: float) -> str:
     return "∞" if np.isinf(value) else f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
-def fewest(part: float) -> int:
+def fewest_values(part: float) -> int:
     """Return the number of values from which on a quantile has an upper end with a confidence of 95 %."""
     return int(np.ceil(np.log((1 - CONFIDENCE) / 2) / np.log(part)))
 
@@ -414,7 +415,7 @@ def _metres(value: float) -> str:
     return f"{digits(value)} m"
 
 
-def _filled(values: NDArray[Any], rows: int) -> FloatArray:
+def _fill_rows(values: NDArray[Any], rows: int) -> FloatArray:
     """Return values with NaN after their last row."""
     out = np.full((rows, *values.shape[1:]), np.nan)
     out[: len(values)] = values

@@ -22,10 +22,10 @@ from lab.analysis.receiver_errors import (
     VELOCITY_SIGMA,
     AxisErrors,
     FixSeries,
+    drop_outliers,
+    expected_squares,
     fit,
-    followed,
-    judged,
-    memory_of,
+    fit_memory,
     quarters,
     rounding,
     with_motion,
@@ -38,7 +38,7 @@ from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK
 from lab.data.streams.raw_recording import RecordingError
 from lab.data.streams.recorded_log import recorded_samples
 from lab.experiment.experiment import Experiment
-from lab.experiment.log_file import called, is_log_file, opened
+from lab.experiment.log_file import is_log_file, mission_name, open_mission
 from lab.experiment.log_result import LogResult
 from lab.experiment.receiver_report import (
     ALL,
@@ -46,7 +46,7 @@ from lab.experiment.receiver_report import (
     ReceiverReport,
     advice_on,
     metres,
-    sentence_of,
+    row_sentence,
     sentence_on_halves,
 )
 from lab.missions import LogMission, mission
@@ -113,15 +113,15 @@ def receiver(
     tell = progress or (lambda _stage, _fraction: None)
     tell("reading the fixes", 0.0)
     if isinstance(source, Experiment):
-        return _examined(called(source.mission), _of_log(source.copy(), tell), gate, tell)
+        return _examine_fixes(mission_name(source.mission), _of_log(source.copy(), tell), gate, tell)
     alone = _fixes_alone(source)
     if alone is not None:
-        return _examined(str(source), alone, gate, tell)
-    with opened(source) as name:
-        return _examined(called(name), _of_log(Experiment(mission=name), tell), gate, tell)
+        return _examine_fixes(str(source), alone, gate, tell)
+    with open_mission(source) as name:
+        return _examine_fixes(mission_name(name), _of_log(Experiment(mission=name), tell), gate, tell)
 
 
-def _examined(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverReport:
+def _examine_fixes(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverReport:
     """Return the report on fixes, if they are enough."""
     count = fixes.satellites.size
     if count > MOST:
@@ -265,18 +265,18 @@ def _axis(by_basis: Mapping[str, FixSeries], axes: slice) -> _Axis:
     """Return the errors along some axes, by the fixes that are most likely."""
     tried = [(basis, own, fit(own)) for basis, own in ((at, one.along(axes)) for at, one in by_basis.items())]
     basis, own, errors = max(tried, key=lambda one: one[2].likelihood)
-    seen = judged(own, errors)
+    seen = drop_outliers(own, errors)
     half = own.time.size // 2
     halves, memory = None, math.nan
     if half >= FEWEST and _changes(own) and set(own.kind[half:]) <= set(own.kind[:half]):
         sizes = fit(own.rows(slice(0, half)))
-        other = judged(own, with_motion(own.rows(slice(half, None)), sizes))
-        begin = judged(own.rows(slice(0, half)), sizes)
-        memory, scale = memory_of(begin.nis, begin.degrees)
+        other = drop_outliers(own, with_motion(own.rows(slice(half, None)), sizes))
+        begin = drop_outliers(own.rows(slice(0, half)), sizes)
+        memory, scale = fit_memory(begin.nis, begin.degrees)
         squares, degrees = (np.append(*both) for both in (
             (begin.nis, other.nis[half:]), (begin.degrees, other.degrees[half:])
         ))  # fmt: skip
-        halves = squares[half:], degrees[half:], scale * followed(squares, degrees, memory)[half:]
+        halves = squares[half:], degrees[half:], scale * expected_squares(squares, degrees, memory)[half:]
     outliers = np.asarray(seen.outlier.any(axis=(1, 2)), np.int64)
     return _Axis(basis, own, errors, seen.nis, seen.degrees, outliers, halves, memory)
 
@@ -290,14 +290,16 @@ def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverRe
     ]
     level = found["horizontal"]
     claimed = (
-        float(np.nanmedian(level.series.velocity_sigma)) if _known(level.series.velocity_sigma) else math.nan
+        float(np.nanmedian(level.series.velocity_sigma))
+        if _is_known(level.series.velocity_sigma)
+        else math.nan
     )
     velocity = level.errors.velocity * (VELOCITY_SIGMA if math.isnan(claimed) else claimed)
     changed, before, after = None, math.nan, math.nan
-    sentences = list(dict.fromkeys(sentence_of(row) for row in rows))
+    sentences = list(dict.fromkeys(row_sentence(row) for row in rows))
     if fixes.result is not None:
         tell("withholding fixes", 0.8)
-        changed = _changed(fixes.result.experiment, rows, level.errors.velocity, claimed)
+        changed = _apply_sizes(fixes.result.experiment, rows, level.errors.velocity, claimed)
         before, after = _across_outages(fixes.result, changed)
         sentences += _gates(fixes.result, changed, gate)
         sentences.append(advice_on(before, after))
@@ -316,14 +318,14 @@ def _report(name: str, fixes: _Fixes, gate: float, tell: Progress) -> ReceiverRe
     )
 
 
-def _known(values: FloatArray) -> bool:
+def _is_known(values: FloatArray) -> bool:
     return bool(np.isfinite(values).any())
 
 
 def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
     rows = one.series.kind == number
     sigma = one.series.position_sigma[rows]
-    claimed = float(np.nanmedian(sigma)) if _known(sigma) else math.nan
+    claimed = float(np.nanmedian(sigma)) if _is_known(sigma) else math.nan
     white = float(one.errors.white[number]) * (1.0 if math.isnan(claimed) else claimed)
     nis, following, within, varies = math.nan, math.nan, (math.nan, math.nan), False
     if one.halves is not None:
@@ -341,7 +343,9 @@ def _row(kind: str, number: int, axis: str, one: _Axis) -> KindRow:
     )  # fmt: skip
 
 
-def _changed(experiment: Experiment, rows: Sequence[KindRow], velocity: float, claimed: float) -> Experiment:
+def _apply_sizes(
+    experiment: Experiment, rows: Sequence[KindRow], velocity: float, claimed: float
+) -> Experiment:
     """Return an experiment whose filter takes the found sizes for R, and has a state for a slow error."""
     changed = experiment.copy()
     level, vertical = rows[0], rows[1]

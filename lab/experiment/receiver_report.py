@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from lab.analysis.receiver_errors import FEWEST
-from lab.base.plain_data import plain
+from lab.base.plain_data import to_plain_data
 from lab.experiment.experiment import Experiment
 
 ALL = "all"
@@ -114,7 +114,7 @@ class ReceiverReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain data, which JSON can hold."""
-        found: dict[str, Any] = plain(
+        found: dict[str, Any] = to_plain_data(
             {
                 "source": self.source,
                 "rows": [
@@ -132,7 +132,7 @@ class ReceiverReport:
         return found
 
 
-def sentence_of(row: KindRow) -> str:
+def row_sentence(row: KindRow) -> str:
     """Return what a row says, in one sentence, with what it rests on."""
     which = f"{row.axis} position" + ("" if row.kind == ALL else f", {row.kind} fixes")
     if math.isnan(row.white):

@@ -34,7 +34,7 @@ from lab.motion.frames.projection import Projection
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.filters.error_models import ATT
 from lab.run.experiment_settings import ExperimentSettings
-from lab.run.provenance import attributes_of, block_of, facts_of_run, made_now
+from lab.run.provenance import facts_block, facts_of_run, netcdf_attributes, time_stamp_now
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -277,7 +277,7 @@ class Result(NotebookCard, JudgedRun):
     def filtered(self) -> Filtered:
         """The filter's own run: for a smoothed run, its forward run, otherwise the solution.
 
-        For a long simulated flight that was smoothed, without most histories; see `renavigation.filtered`.
+        For a long simulated flight that was smoothed, without most histories; see `renavigation.filter_run`.
         """
         if self.algorithm or not self.experiment.navigator.smoother:
             return Filtered(self.solution_arrays)
@@ -334,7 +334,7 @@ class Result(NotebookCard, JudgedRun):
                 "row were so implausible that the filter took itself to be wrong; it raised P and used the "
                 "fix."
             )
-        straight = observability.straight_remark(self)
+        straight = observability.describe_straight_flight(self)
         remarks += [straight] if straight else []
         beyond = feedforward.remark(self.free_run, self.experiment.navigator)
         # A navigator that is far off contradicts all that is measured.
@@ -352,7 +352,7 @@ class Result(NotebookCard, JudgedRun):
     @property
     def facts(self) -> dict[str, Any]:
         """What makes this run again, as every export has it; see `lab.run.provenance`."""
-        return {**self._facts, "made": made_now()}
+        return {**self._facts, "made": time_stamp_now()}
 
     @cached_property
     def _facts(self) -> dict[str, Any]:
@@ -403,7 +403,7 @@ class Result(NotebookCard, JudgedRun):
         FileNotFoundError
             If the folder does not exist.
         """
-        about = attributes_of(self.facts, f"INS Lab: {self.mission.title}")
+        about = netcdf_attributes(self.facts, f"INS Lab: {self.mission.title}")
         about["settings"] = self.experiment.to_toml()
         result_files.write_netcdf(Path(path), self.datasets, about, overwrite=overwrite)
 
@@ -420,7 +420,7 @@ class Result(NotebookCard, JudgedRun):
             If one of the files exists and `overwrite` is not given.
         """
         facts = {name: value for name, value in self.facts.items() if name != "settings"}
-        settings = f"{block_of(facts, '# ')}\n{self.experiment.to_toml()}"
+        settings = f"{facts_block(facts, '# ')}\n{self.experiment.to_toml()}"
         result_files.write_csv(
             Path(folder), self.datasets(), self.overview, settings, overwrite=overwrite, progress=progress
         )

@@ -35,7 +35,7 @@ from lab.run.provenance import (
     SWEEP,
     VERSIONS,
     dataset_digest,
-    facts_in,
+    find_facts,
     versions,
 )
 from lab.run.run import ResultError
@@ -149,9 +149,11 @@ class SavedResult:
                 f"{self.path}: was made of another recording of {experiment.mission}: its SHA-256 is "
                 f"{expected}, and here {there}"
             )
-        return self._again(experiment, progress, algorithm)
+        return self._run_again(experiment, progress, algorithm)
 
-    def _again(self, experiment: Experiment, progress: Progress | None, algorithm: Algorithm | None) -> Any:
+    def _run_again(
+        self, experiment: Experiment, progress: Progress | None, algorithm: Algorithm | None
+    ) -> Any:
         kind = self.facts.get("schema", RESULT)
         try:
             if kind == RESULT:
@@ -161,11 +163,11 @@ class SavedResult:
                 seeds = [seed for first, last in ranges for seed in range(first, last + 1)]
                 return find("experiment", "ensemble")(experiment, seeds, progress, algorithm=algorithm)
             if kind == SWEEP:
-                given = self._given(("swept", "fast", "fixed"))
+                given = self._given_values(("swept", "fast", "fixed"))
                 swept = given.pop("swept")
                 return find("experiment", "sweep")(experiment, swept, self._seeds(), progress, None, **given)
             return experiment.outage(
-                **self._given(("seconds", "cards", "seeds", "wish", "fast")), progress=progress
+                **self._given_values(("seconds", "cards", "seeds", "wish", "fast")), progress=progress
             )
         except (KeyError, TypeError, json.JSONDecodeError) as error:
             raise ResultError(
@@ -179,7 +181,7 @@ class SavedResult:
         seeds = self.facts.get("seeds") if has_none else self.facts["seeds"]
         return json.loads(seeds) if isinstance(seeds, str) else seeds
 
-    def _given(self, accepted: tuple[str, ...]) -> dict[str, Any]:
+    def _given_values(self, accepted: tuple[str, ...]) -> dict[str, Any]:
         """Return what was given, by the names that are accepted."""
         given = self.facts["given"]
         found = json.loads(given) if isinstance(given, str) else dict(given)
@@ -314,7 +316,7 @@ def _text(path: Path, most: int) -> str:
 
 
 def _facts(path: Path, text: str) -> dict[str, Any]:
-    found = facts_in(unescape(text) if path.suffix.lower() in {".kml", ".gpx", ".html", ".svg"} else text)
+    found = find_facts(unescape(text) if path.suffix.lower() in {".kml", ".gpx", ".html", ".svg"} else text)
     if found is None:
         raise ResultError(f"{path}: says nothing of what made it; files that ins-lab writes since 0.2 do")
     return found
@@ -328,7 +330,7 @@ def _of_folder(path: Path) -> SavedResult:
     if not toml.is_file():
         raise ResultError(f"{path}: is a folder without settings.toml; accepted are {ACCEPTED}")
     text = _text(toml, LARGEST)
-    facts = (facts_in(text) or {}) | {"settings": parse_toml(text)}
+    facts = (find_facts(text) or {}) | {"settings": parse_toml(text)}
     tables = sorted(one for one in path.glob("*.csv") if one.stem not in {"summary", "whiteness"})
     return SavedResult(path, facts, {one.stem: pd.read_csv(one, index_col=0).to_xarray() for one in tables})
 
@@ -395,4 +397,4 @@ def _of_page_or_picture(path: Path) -> dict[str, Any]:
     if suffix != ".html" or not has_settings:
         return _facts(path, text)
     settings = parse_toml(unescape(after.partition("</pre>")[0]))
-    return (facts_in(unescape(text)) or {}) | {"settings": settings}
+    return (find_facts(unescape(text)) or {}) | {"settings": settings}

@@ -131,7 +131,7 @@ class SensorStages:
             self.sensors.accelerometer.vibration_density if shaken else None,
         )
         # Neither is their output kept: the flight is too long to be kept, and takes longer.
-        keep = _computed if samples > LONG else CACHE.get
+        keep = _compute_uncached if samples > LONG else CACHE.get
         own = declared_states(self.sensors.own_errors, "sensors.own_errors")
         if own:
             key = digest(key, [one.block for one in own])
@@ -220,6 +220,6 @@ def _long_draws(errors: imu.GyroErrors | imu.AccelerometerErrors) -> dict[str, b
     }
 
 
-def _computed(_stage: str, _key: str, compute: Callable[[], T]) -> T:
+def _compute_uncached(_stage: str, _key: str, compute: Callable[[], T]) -> T:
     """Return the result of a stage that is not cached."""
     return compute()

@@ -8,12 +8,12 @@ from functools import partial
 from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.result import Runnable
-from lab.navigation.aiding import aids_of, needs_rest
+from lab.navigation.aiding import collect_aids, needs_rest
 from lab.navigation.aids import Aids
 from lab.navigation.belief import (
     assumed_latency,
     chosen_blocks,
-    schedule_of,
+    schedule_filter,
 )
 from lab.navigation.checks import (
     check_bias_decay,
@@ -24,7 +24,7 @@ from lab.navigation.checks import (
     check_r,
     check_smoother,
     check_user_states,
-    diverged,
+    divergence_error,
 )
 from lab.navigation.filters import smoother, unscented
 from lab.navigation.model_choice import chosen_model
@@ -80,7 +80,7 @@ def navigate_simulated(
     check_engine(navigator)
     check_user_states(navigator)
     check_r(assumed.R)
-    schedule = schedule_of(navigator, dt, imu.dtheta.shape[0])
+    schedule = schedule_filter(navigator, dt, imu.dtheta.shape[0])
     check_smoother(navigator, schedule)
     check_bias_decay(schedule.stride * dt, assumed.decay)
     latency = assumed_latency(navigator, sensors.gps.latency)
@@ -90,7 +90,7 @@ def navigate_simulated(
         standing = rest
         if navigator.zero_velocity:
             standing, _ = standing_still(rest, imu, seen, assumed)
-        other = aids_of(sensors, navigator, readings, imu, standing)
+        other = collect_aids(sensors, navigator, readings, imu, standing)
         if navigator.rest_updates:
             imu = imu._replace(rest=rest)
         engine = _engine(navigator, sensors, progress, used)
@@ -98,7 +98,7 @@ def navigate_simulated(
     except SettingError:
         raise
     except ValueError as error:  # the reference's linear algebra stops at values that are not finite
-        raise diverged("the filter cannot go on", error) from error
+        raise divergence_error("the filter cannot go on", error) from error
     check_finite(solution, imu.time)
     check_place(solution, latitude)
     return solution, other

@@ -96,7 +96,7 @@ class SimulatedResult(Result):
             return super().filtered
         from lab.analysis.identification import renavigation  # noqa: PLC0415 - most runs need none of it
 
-        return renavigation.filtered(self)
+        return renavigation.filter_run(self)
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:

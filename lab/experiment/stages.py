@@ -17,10 +17,10 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.cache import digest
-from lab.base.histories import LONG, SINGLE, kept
+from lab.base.histories import LONG, SINGLE, shrink_history
 from lab.base.parameters.units import si
 from lab.base.progress import Progress
-from lab.experiment.log_run import timed
+from lab.experiment.log_run import time_navigation
 from lab.experiment.result import Runnable
 from lab.experiment.sensor_stages import CACHE, SensorStages
 from lab.experiment.simulated_navigation import navigate_simulated
@@ -104,7 +104,7 @@ class Stages(SensorStages):
             give_back()
         self._prepare_navigator(truth.time.size, ideal.dt)
         assumed = self.belief(aligned)
-        (solution, aids), seconds = self._solution_of(
+        (solution, aids), seconds = self._navigate_start(
             truth,
             ideal.dt,
             gyro.increments,
@@ -118,7 +118,7 @@ class Stages(SensorStages):
             # The navigator is done with the exact increments, and a smoother with copies of its filter.
             give_back()
             gyro, accelerometer = (
-                triad._replace(increments=kept(triad.increments) if one.left else one.kept)
+                triad._replace(increments=shrink_history(triad.increments) if one.left else one.kept)
                 for triad, one in zip((gyro, accelerometer), self._retiring, strict=True)
             )
             self._retiring = ()
@@ -149,7 +149,7 @@ class Stages(SensorStages):
         if self.algorithm is None and samples > SINGLE:
             compile_apart(self.navigator, self.sensors, 1 / dt)
 
-    def _solution_of(
+    def _navigate_start(
         self,
         truth: Truth,
         dt: float,
@@ -166,7 +166,7 @@ class Stages(SensorStages):
         """
         increments = Imu(truth.time, dtheta, dvelocity)
         if self.algorithm is not None:
-            return timed(lambda: self.user_solution(increments, fixes, start))
+            return time_navigation(lambda: self.user_solution(increments, fixes, start))
         names = chosen_blocks(self.navigator, self.sensors)
         own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
         parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own
@@ -187,7 +187,7 @@ class Stages(SensorStages):
                 self._retire,
             )
 
-        return CACHE.get("navigation", key, lambda: timed(navigated))
+        return CACHE.get("navigation", key, lambda: time_navigation(navigated))
 
     def begin(self, truth: Truth) -> Aligned:
         """Return the start of the navigator, after its alignment if it has one."""
@@ -221,10 +221,10 @@ def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
     seed
         Seed of the run.
     """
-    return starts(truth, settings, [seed])[0]
+    return draw_starts(truth, settings, [seed])[0]
 
 
-def starts(truth: Truth, settings: NavigatorSettings, seeds: Sequence[Seed]) -> list[Start]:
+def draw_starts(truth: Truth, settings: NavigatorSettings, seeds: Sequence[Seed]) -> list[Start]:
     """Return the assumed starts of the runs of some seeds; see `start`."""
     draws = np.stack([unit_draws(seed, "initial error", (9,)) for seed in seeds])
     position, velocity, attitude = (
@@ -247,7 +247,7 @@ def begin(truth: Truth, experiment: Runnable) -> Aligned:
     sensors, navigator, seed = experiment.sensors, experiment.navigator, experiment.seed
     nothing = np.zeros(3)
     true = Start.off(truth, nothing, nothing, nothing)
-    return rest_alignment.begin(start(truth, navigator, seed), true, sensors, navigator, seed)
+    return rest_alignment.align_simulated(start(truth, navigator, seed), true, sensors, navigator, seed)
 
 
 def compile_apart(navigator: NavigatorSettings, sensors: SensorSuite, rate: float) -> None:

@@ -13,7 +13,7 @@ from lab.base.files.atomic_file import atomic_file
 from lab.base.notebook_card import NotebookCard
 from lab.base.registry import find
 from lab.base.result_files import csv_blocks, refuse_existing, write_netcdf
-from lab.run.provenance import attributes_of, block_of, dataset_digest, made_now
+from lab.run.provenance import dataset_digest, facts_block, netcdf_attributes, time_stamp_now
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,7 +71,7 @@ class Sweep(NotebookCard):
         last: dict[str, Any] = {name: given.pop(name) for name in ("versions", "settings") if name in given}
         return {
             **given,
-            "made": made_now(),
+            "made": time_stamp_now(),
             "given": {"swept": swept, **self.options},
             **({} if "sealed" in given else {"seeds": data["seed"].values.reshape(-1).tolist()}),
             "result_sha256": dataset_digest(data),
@@ -136,7 +136,7 @@ class Sweep(NotebookCard):
         write_netcdf(
             Path(path),
             lambda: {"": self.dataset},
-            attributes_of(self.facts, f"Sweep of {self.mission}"),
+            netcdf_attributes(self.facts, f"Sweep of {self.mission}"),
             overwrite=overwrite,
         )
 
@@ -159,7 +159,7 @@ class Sweep(NotebookCard):
         """
         refuse_existing([Path(path)], overwrite)
         with atomic_file(Path(path)) as file:
-            file.write(block_of(self.facts, "# ", short=True).encode())
+            file.write(facts_block(self.facts, "# ", short=True).encode())
             file.writelines(block.encode() for block in csv_blocks(self._table()))
 
     def _table(self) -> pd.DataFrame:
@@ -171,14 +171,14 @@ class Sweep(NotebookCard):
         columns = {}
         for name, values in data.data_vars.items():
             if "quantity" not in values.dims:
-                columns[_titled(str(name), values.attrs["units"])] = values.values.reshape(-1)
+                columns[_column_title(str(name), values.attrs["units"])] = values.values.reshape(-1)
                 continue
             for quantity in values["quantity"].values:
                 one = values.sel(quantity=quantity)
-                columns[_titled(f"{name} {quantity}", str(one["unit"].values))] = one.values.reshape(-1)
+                columns[_column_title(f"{name} {quantity}", str(one["unit"].values))] = one.values.reshape(-1)
         places = np.indices(shape).reshape(len(shape), -1)
         keys = {
-            _titled(dim, data[dim].attrs.get("units", "")): data[dim].values[at]
+            _column_title(dim, data[dim].attrs.get("units", "")): data[dim].values[at]
             for dim, at in zip(axes, places, strict=True)
         }
         return pd.DataFrame(keys | columns).set_index(next(iter(keys)))
@@ -208,6 +208,6 @@ class Sweep(NotebookCard):
         return f"<Sweep of {self.mission}: {sizes}{missing}; .dataset has the errors, .plot() draws them>"
 
 
-def _titled(name: str, unit: str) -> str:
+def _column_title(name: str, unit: str) -> str:
     """Return the title of a column."""
     return f"{name} [{unit}]" if unit not in {"", "1"} else name

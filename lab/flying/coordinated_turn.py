@@ -33,7 +33,7 @@ from scipy.spatial.transform import Rotation
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
-from lab.motion.kinematics.running_turns import turned
+from lab.motion.kinematics.running_turns import running_attitudes
 
 Vehicle = Literal["aircraft", "car", "boat", "copter", "rocket", "pedestrian"]
 
@@ -116,11 +116,11 @@ def attitude(time: FloatArray, velocity_n: FloatArray, vehicle: Vehicle = "aircr
     euler = np.zeros_like(velocity)
     euler[:, 2] = wrap(yaw)
     if vehicle == "copter":
-        euler[:, :2] = _lean(time, velocity, yaw)
+        euler[:, :2] = _lean_angles(time, velocity, yaw)
     if vehicle in ("aircraft", "car"):
         slowest, full = (TAXIING, FLYING) if vehicle == "aircraft" else (STANDSTILL, ROLLING)
         follows = _smooth_step((np.linalg.norm(velocity, axis=1) - slowest) / (full - slowest))
-        euler[:, 1] = follows * np.arctan2(-down, _at_least(speed, STANDSTILL))
+        euler[:, 1] = follows * np.arctan2(-down, _raise_to_floor(speed, STANDSTILL))
     if vehicle == "aircraft":
         euler[:, 0] = _bank(time, velocity, euler[:, 1], yaw)
     return euler
@@ -180,15 +180,15 @@ def _bank(time: FloatArray, velocity: FloatArray, pitch: FloatArray, yaw: FloatA
     """Return the bank [rad] at which the specific force has no part along the wings."""
     ahead, right, down = _force(time, velocity, yaw)
     up = -(np.sin(pitch) * ahead + np.cos(pitch) * down)
-    bank = np.arctan2(right, _at_least(up, _MIN_LIFT))
+    bank = np.arctan2(right, _raise_to_floor(up, _MIN_LIFT))
     airborne = (np.linalg.norm(velocity, axis=1) - TAXIING) / (FLYING - TAXIING)
     return np.asarray(bank * _smooth_step(airborne))
 
 
-def _lean(time: FloatArray, velocity: FloatArray, yaw: FloatArray) -> FloatArray:
+def _lean_angles(time: FloatArray, velocity: FloatArray, yaw: FloatArray) -> FloatArray:
     """Return roll and pitch (n, 2) [rad] with which the thrust, upwards in b, is the specific force."""
     ahead, right, down = _force(time, velocity, yaw)
-    up = _at_least(-down, _MIN_THRUST_UP)
+    up = _raise_to_floor(-down, _MIN_THRUST_UP)
     return np.stack((np.arctan2(right, np.hypot(ahead, up)), np.arctan2(-ahead, up)), axis=-1)
 
 
@@ -223,7 +223,9 @@ def _without_roll(time: FloatArray, at: FloatArray, nose: FloatArray) -> FloatAr
     turns = axis * (np.arctan2(sine, cosine) / np.linalg.norm(axis, axis=1))[:, None]
     level = np.hypot(nose[0, 0], nose[0, 1])
     heading = np.arctan2(nose[0, 1], nose[0, 0]) if level > _OPPOSITE else 0.0
-    C_nb = turned(-turns).inv() * Rotation.from_euler("ZY", (heading, np.arctan2(-nose[0, 2], level)))
+    C_nb = running_attitudes(-turns).inv() * Rotation.from_euler(
+        "ZY", (heading, np.arctan2(-nose[0, 2], level))
+    )
     last = np.clip(np.searchsorted(at, time, side="right") - 1, 0, max(at.size - 2, 0))
     if at.size > 1:
         part = _smooth_step((time - at[last]) / np.diff(at)[last])
@@ -239,7 +241,7 @@ def _force(time: FloatArray, velocity: FloatArray, yaw: FloatArray) -> tuple[Flo
     return c * north + s * east, c * east - s * north, down - STANDARD_GRAVITY
 
 
-def _at_least(values: FloatArray, floor: float) -> FloatArray:
+def _raise_to_floor(values: FloatArray, floor: float) -> FloatArray:
     """Return values; those below the floor are brought smoothly between it and its half."""
     below = np.minimum(values / floor, 1.0)
     return np.where(values >= floor, values, 0.5 * floor * (1.0 + np.exp(2.0 * (below - 1.0))))

@@ -161,7 +161,7 @@ def _check(seen: Instruments, pilot: Pilot, now_ms: int) -> str:
     where = f"{now_ms / 1000:.2f} s into the flight"
     if not math.isfinite(seen.height + seen.airspeed + seen.pitch + seen.roll + seen.heading):
         return f"the simulation broke down {where}: its state is not finite"
-    stuck = pilot.stuck(now_ms / 1000, seen)
+    stuck = pilot.find_missed_target(now_ms / 1000, seen)
     if stuck:
         return (
             f"the aeroplane cannot do manoeuvre {pilot.manoeuvre}: {where} it came no nearer for "

@@ -159,7 +159,7 @@ WORDS = {kind: word for word, kind in MANOEUVRES.items()}
 """The word of every manoeuvre."""
 
 
-def single_turns(manoeuvre: Manoeuvre) -> tuple[Manoeuvre, ...]:
+def split_turns(manoeuvre: Manoeuvre) -> tuple[Manoeuvre, ...]:
     """Return the turns of S-turns and eights, and any other manoeuvre itself."""
     match manoeuvre:
         case STurns():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.compiling.compiled_cache import cached
+from lab.base.compiling.compiled_cache import compile_cached
 
 _REACHED = 1e-4
 """What is left of a target that is reached [rad], [rad/s], [m/s]: far below what sensors show."""
@@ -26,7 +26,7 @@ _RATES, _CHANGE, _ATTITUDE, _VELOCITY = 1, 3, 4, 5
 """Types of commands: rates, changes, attitude to reach, velocity to reach (gnss-ins-sim)."""
 
 
-@partial(cached, options={"nopython": True, "error_model": "numpy", "nogil": True})
+@partial(compile_cached, options={"nopython": True, "error_model": "numpy", "nogil": True})
 def respond(
     state: FloatArray,
     table: FloatArray,

@@ -136,19 +136,19 @@ class Leg:
         """Return the leg that cruises as fast as its length allows; None where that is too short."""
         low = max(ends)
 
-        def at(speed: float) -> Leg:
+        def make_leg(speed: float) -> Leg:
             changes = tuple(PEAK * abs(speed - end) / acceleration for end in ends)
             return cls(length, (ends[0], speed, ends[1]), (changes[0], changes[1]), heights)
 
-        if at(cruise).at_cruise >= 0:
-            return at(cruise)
-        if at(low).at_cruise < 0 or (low == 0 and length <= 0):
+        if make_leg(cruise).at_cruise >= 0:
+            return make_leg(cruise)
+        if make_leg(low).at_cruise < 0 or (low == 0 and length <= 0):
             return None
         high = cruise
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
-            low, high = (middle, high) if at(middle).at_cruise >= 0 else (low, middle)
-        return at(low) if low > 0 else None
+            low, high = (middle, high) if make_leg(middle).at_cruise >= 0 else (low, middle)
+        return make_leg(low) if low > 0 else None
 
     @property
     def at_cruise(self) -> float:

@@ -20,7 +20,7 @@ from lab.flying.manoeuvres import (
     TakeOff,
     Turn,
     TurnBy,
-    single_turns,
+    split_turns,
 )
 from lab.flying.simulated_aircraft import Controls, Instruments
 
@@ -88,7 +88,7 @@ class Pilot:
         self.aircraft, self._gains = aircraft, aircraft.gains
         self._plan = plan
         self._steps = [
-            (number, step) for number, one in enumerate(plan.manoeuvres, 1) for step in single_turns(one)
+            (number, step) for number, one in enumerate(plan.manoeuvres, 1) for step in split_turns(one)
         ]
         self._period = period
         self._number = -1
@@ -139,7 +139,7 @@ class Pilot:
         """
         if self._number < 0:
             self._take_over(seen)
-        done = self._number >= 0 and self._done(self._step, time, seen)
+        done = self._number >= 0 and self._is_done(self._step, time, seen)
         self._finished = self._finished or (done and self.on_last_manoeuvre)
         if self._number < 0 or (done and not self.on_last_manoeuvre):
             self._number += 1
@@ -157,7 +157,7 @@ class Pilot:
         self._hold_pitch(seen)
         return self._controls
 
-    def stuck(self, time: float, seen: Instruments) -> str:
+    def find_missed_target(self, time: float, seen: Instruments) -> str:
         """Return the target that the manoeuvre has not come closer to for `PATIENCE`, or nothing.
 
         Parameters
@@ -169,12 +169,12 @@ class Pilot:
         """
         if self._finished or self._number < 0:
             return ""
-        left, enough, what = self._left(time, seen)
+        left, enough, what = self._remaining_amount(time, seen)
         if left < self._nearest - enough:
             self._nearest, self._nearest_at = left, time
         return what if time - self._nearest_at > PATIENCE and left > enough else ""
 
-    def _left(self, time: float, seen: Instruments) -> tuple[float, float, str]:
+    def _remaining_amount(self, time: float, seen: Instruments) -> tuple[float, float, str]:
         """Return the remaining amount, the least decrease that counts, and words for it."""
         match self._step:
             case TakeOff() as take_off:
@@ -237,7 +237,7 @@ class Pilot:
         # In a skid to the right the air comes from the left.
         self._wanted_skid = -math.copysign(math.radians(step.skid_deg), angle)
 
-    def _done(self, step: Manoeuvre, time: float, seen: Instruments) -> bool:
+    def _is_done(self, step: Manoeuvre, time: float, seen: Instruments) -> bool:
         elapsed = time - self._begun_at
         match step:
             case TakeOff():

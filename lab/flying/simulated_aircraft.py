@@ -100,12 +100,12 @@ class SimulatedAircraft:
         self._time_ms = 0
         if plan.air_start is None:
             assert plan.runway is not None
-            self._stand(plan.runway, plan.air)
+            self._stand_on_runway(plan.runway, plan.air)
         else:
             self._trim(plan.air_start, plan.air)
         _set_turbulence(self._fdm, plan.air)
 
-    def _stand(self, runway: Runway, air: Air) -> None:
+    def _stand_on_runway(self, runway: Runway, air: Air) -> None:
         fdm = self._fdm
         fdm["ic/lat-geod-deg"] = runway.latitude_deg
         fdm["ic/long-gc-deg"] = runway.longitude_deg
@@ -162,16 +162,16 @@ class SimulatedAircraft:
         fdm["simulation/integrator/position/rotational"] = 8
         fdm["propulsion/set-running"] = -1
         self._ground = ground
-        self._throttles = _further(fdm, "fcs/throttle-cmd-norm")
+        self._throttles = _further_throttles(fdm, "fcs/throttle-cmd-norm")
 
     def step(self) -> None:
         """Fly on by one step of `STEP_MS`."""
         if self._gusts:
-            self._blow(self._time_ms / 1000)
+            self._set_gusts(self._time_ms / 1000)
             self._time_ms += STEP_MS
         self._fdm.run()
 
-    def _blow(self, time: float) -> None:
+    def _set_gusts(self, time: float) -> None:
         """Set the sum of the gusts; JSBSim adds it to the wind and the turbulence."""
         velocities = [gust.velocity_n(time) for gust in self._gusts if gust.blows(time)]
         for axis, speeds in zip(_AXES, zip(*velocities, strict=True) if velocities else _STILL, strict=True):
@@ -263,7 +263,7 @@ def _executive(aircraft: str) -> Any:
     return fdm
 
 
-def _further(fdm: Any, throttle: str) -> list[str]:
+def _further_throttles(fdm: Any, throttle: str) -> list[str]:
     """Return the throttles of the second engine and further ones."""
     found = fdm.query_property_catalog(throttle).splitlines()
     return [line.split()[0] for line in found if line.startswith(f"{throttle}[")]

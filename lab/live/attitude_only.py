@@ -20,7 +20,7 @@ from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.data.streams.rolling import Rolling
 from lab.live.live_state import Anchor, imu_between, with_heading
-from lab.live.stream_settings import without
+from lab.live.stream_settings import leave_out_sensors
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
 from lab.navigation.alignment.alignment import level
@@ -30,7 +30,7 @@ from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI,
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import EVERY_FIX
-from lab.navigation.frames import model_at, shown
+from lab.navigation.frames import choose_model_here, shown
 from lab.navigation.log_navigation import AROUND, gap_noise
 from lab.navigation.navigator import PIECE, advance
 from lab.navigation.settings import NavigatorSettings
@@ -119,7 +119,7 @@ class AttitudeOnly:
         constants[at, at] += shape * g * g
         shape = np.sum(misalignment(sensors.gyro) ** 2, axis=1) + si(sensors.gyro, "scale_factor") ** 2
         self._scale = float(np.sqrt((shape + si(sensors.gyro, "scale_factor_sigma") ** 2).max()))
-        assumed = belief(without(sensors), settings, constants)
+        assumed = belief(leave_out_sensors(sensors), settings, constants)
         # As for a log: the settings do not describe the biases found, so these do not decay.
         self.assumed = assumed._replace(decay=np.zeros(6), lever_arm=np.zeros(3), R=np.eye(MEASUREMENTS))
         self.heading_source = "" if np.isnan(heading) else "given"
@@ -155,7 +155,7 @@ class AttitudeOnly:
     def P(self) -> FloatArray:  # noqa: N802
         """Covariance (15, 15) of the errors now."""
         assert self._run is not None
-        T = model_at(self._run.state, PHI).map(self._run.state)
+        T = choose_model_here(self._run.state, PHI).map(self._run.state)
         return np.asarray(T @ self._run.P[:, :15] @ T.T)
 
     @property
@@ -212,15 +212,15 @@ class AttitudeOnly:
         while (edge := self._origin + SPAN * (self._second + 1)) <= self._time(last) + 1e-9:
             # The sample nearest the edge ends the second.
             end = self.samples.number("time", edge - 1e-9)
-            self._carry(end)
+            self._advance_to(end)
             self._judge(end)
             self._second += 1
-        self._carry(last)
+        self._advance_to(last)
 
     def _time(self, sample: int) -> float:
         return float(self.samples.rows("time", sample, sample + 1)[0])
 
-    def _carry(self, end: int) -> None:
+    def _advance_to(self, end: int) -> None:
         """Advance the filter to a sample."""
         while self._run is not None and self._at < end:
             ends = [self.samples.number("time", gap[1] - 1e-9) for gap in self._gaps]
@@ -236,12 +236,12 @@ class AttitudeOnly:
             self._at = stop
             for gap, at in zip(self._gaps, ends, strict=True):
                 if at == stop:
-                    self._doubt(*gap)
+                    self._raise_covariance_by_gap(*gap)
             self._gaps = [gap for gap, at in zip(self._gaps, ends, strict=True) if at > stop]
             self._hold_speed()
         self._at = max(self._at, end)
 
-    def _doubt(self, start: float, end: float) -> None:
+    def _raise_covariance_by_gap(self, start: float, end: float) -> None:
         """Raise P by the unknown motion in a filled gap that has just ended, by its times [s]."""
         assert self._run is not None
         first = max(self.samples.number("time", start - AROUND - 1e-9), self.samples.first)
@@ -325,7 +325,7 @@ class AttitudeOnly:
             anchor = self._new_anchor(mean, now - length, anchor)
         variance = np.maximum(self.assumed.noise[:6], self._noise_densities(end)) / length
         variance += self.assumed.noise[6:] * length / 3  # of the mean of a random walk
-        why = self._moves(anchor, mean, variance)
+        why = self._why_moving(anchor, mean, variance)
         if why:
             self._stop()
             self.refused = why
@@ -377,7 +377,7 @@ class AttitudeOnly:
             bias[:3] = before.bias[:3]
         return Anchor(time, self._where.copy(), q_nb, bias, P)
 
-    def _moves(self, anchor: Anchor, mean: FloatArray, variance: FloatArray) -> str:
+    def _why_moving(self, anchor: Anchor, mean: FloatArray, variance: FloatArray) -> str:
         """Return why a still IMU does not rest; empty if it does."""
         g = float(earth.gravity(np.sin(anchor.position[0]), anchor.position[2]))
         sigma_force = float(

@@ -16,7 +16,7 @@ from lab.base.arrays import FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import si
 from lab.data.clock.faults import increasing
-from lab.data.streams.live_log import magnetometer_of
+from lab.data.streams.live_log import make_magnetometer
 from lab.data.streams.rolling import Rolling
 from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.navigation import aids
@@ -123,19 +123,19 @@ class LiveAids:
         at_start = "used at the start only; sensors.heading.fitted = true with sensors.heading.source = "
         field = f"a magnetic field that is {at_start}{MAGNETOMETER} uses it on."
         headings = f"headings that are {at_start}{HEADING} uses them on."
-        compass = self._remark("field", "Magnetometer", "magnetic field", field, " of the heading")
+        compass = self._describe_unused("field", "Magnetometer", "magnetic field", field, " of the heading")
         found = {
-            "barometer": self._remark("height", "Barometer", "pressure", after=shift),
+            "barometer": self._describe_unused("height", "Barometer", "pressure", after=shift),
             "magnetometer": self._no_compass or compass,
-            "odometer": self._remark("speed", "Odometer", "speed"),
-            "headings": self._remark("heading", "Heading sensor", "heading", headings),
+            "odometer": self._describe_unused("speed", "Odometer", "speed"),
+            "headings": self._describe_unused("heading", "Heading sensor", "heading", headings),
         }
         for aid in (one for one in FURTHER if one.live):
             words = f"{aid.words[0].upper()}{aid.words[1:]}"
-            found[aid.name] = self._remark(aid.live, words, aid.live.replace("_", " "))
+            found[aid.name] = self._describe_unused(aid.live, words, aid.live.replace("_", " "))
         return found
 
-    def _remark(
+    def _describe_unused(
         self, name: str, sensor: str, quantity: str, unused: str = "", of: str = "", after: str = ""
     ) -> str:
         """Return what becomes of some readings, in a sentence; empty if nobody expects any."""
@@ -145,7 +145,7 @@ class LiveAids:
             return f"The stream has {unused or usual}" if there else ""
         if not there:
             return f"The stream has no {quantity} for sensors.{aid.name}.fitted so far."
-        last = _last(self.readings[name])
+        last = _last_innovation(self.readings[name])
         if last is None:
             return f"{sensor}: no reading was used so far."
         form, unit = (".1f", "°") if aid.shown_unit == "°" else (".2f", f" {aid.shown_unit}")
@@ -164,7 +164,7 @@ class LiveAids:
         """
         good = increasing(time, self._newest)
         self._newest = max(self._newest, *time.tolist()) if time.size else self._newest
-        found = magnetometer_of(time[good], magnetic[good])
+        found = make_magnetometer(time[good], magnetic[good])
         if found is None:
             return
         period = np.floor(found.time / float(self._sensors.heading.period))
@@ -233,7 +233,9 @@ class LiveAids:
             start = readings.number("time", after, "right") if used else end
             first[name] = start
             parts.append(self._part(name, readings, start, end))
-        still = zero_velocity(self._standing(begun, after, until), self._navigator) if self.stands else []
+        still = (
+            zero_velocity(self._seconds_at_rest(begun, after, until), self._navigator) if self.stands else []
+        )
         return Aids.together([*parts, *still, self._never], self._place), first
 
     def _part(self, name: str, readings: Rolling, start: int, end: int) -> Aids:
@@ -248,7 +250,7 @@ class LiveAids:
             variance = known_variance(_rows("sigma", readings, start, end), self._scale, self._variance[name])
         return of_one_kind(time, kind, value + self.shift if name == "height" else value, variance)
 
-    def _standing(self, begun: float, after: float, until: float) -> FloatArray:
+    def _seconds_at_rest(self, begun: float, after: float, until: float) -> FloatArray:
         """Return the whole seconds since the start in which the vehicle stands still."""
         first = max(int(np.floor((after - begun) / CONDITION_PERIOD)), 1)
         seconds = begun + CONDITION_PERIOD * np.arange(first, int((until - begun) / CONDITION_PERIOD) + 2)
@@ -277,7 +279,7 @@ def _rows(name: str, readings: Rolling, start: int, end: int) -> FloatArray:
     return np.asarray(readings.rows(name, start, end))
 
 
-def _last(readings: Rolling) -> tuple[float, float] | None:
+def _last_innovation(readings: Rolling) -> tuple[float, float] | None:
     """Return the last innovation of readings and its σ; None if none was used."""
     innovation = readings.column("innovation")
     used = np.flatnonzero(np.isfinite(innovation))

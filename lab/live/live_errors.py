@@ -65,7 +65,7 @@ def errors_of(history: LiveHistory, truth: TrueMotion) -> LiveErrors:
     )
 
 
-def joined(parts: Sequence[LiveErrors]) -> LiveErrors:
+def join_errors(parts: Sequence[LiveErrors]) -> LiveErrors:
     """Return the rows of all parts, of which there is one or more."""
     return LiveErrors(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 

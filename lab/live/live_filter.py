@@ -20,7 +20,7 @@ from lab.data.streams.rolling import Rolling
 from lab.live.live_aids import NONE, LiveAids
 from lab.live.live_state import imu_between
 from lab.navigation.aids import NO_AIDS
-from lab.navigation.belief import implausible, schedule_of
+from lab.navigation.belief import implausible, schedule_filter
 from lab.navigation.filters.error_models import ErrorModel
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import MEASUREMENTS, gate
@@ -144,7 +144,7 @@ class LiveFilter:
         self.assumed, self.model, self._aids = assumed, model, aids
         self._first_fix = self.next_fix
         self._navigator, self._rests = navigator, rests
-        self._schedule = schedule_of(navigator, self._step, _ENDLESS)
+        self._schedule = schedule_filter(navigator, self._step, _ENDLESS)
         self._gates: dict[int, Schedule] = {}
         self._run = Filter.begin(start, assumed._replace(R=np.eye(MEASUREMENTS)), self._time(first), model)
         self._copies = [self._copy()]
@@ -209,7 +209,7 @@ class LiveFilter:
         if self._stale <= self.at:
             self._return(self._stale)
         while self.at < last:
-            self._go(self._next_stop(last))
+            self._advance_piece(self._next_stop(last))
         self._stale = self.at + 1
 
     def finish(self) -> None:
@@ -285,15 +285,15 @@ class LiveFilter:
         assumed, imu = self.assumed._replace(R=R), imu_between(self.samples, start, last)
         found = at_rest(imu, fixes, assumed, grid) if end > fix else np.zeros(last - start, np.bool_)
         free = 0 if whole == 0 else self.samples.number("time", begun + settled) - start
-        rest = self._marked("rest", found, start, free)
+        rest = self._write_flags("rest", found, start, free)
         if self._aids.stands:
             first = settled - 1 if whole else 0  # the last second that is settled
             known = [self._held[first]] if whole else None
             standing, after = standing_still(rest, imu, fixes, assumed, grid[first - whole :], known)
             self._held = {first + second: one for second, one in enumerate(after)}
-            self._marked("standing", standing, start, free)
+            self._write_flags("standing", standing, start, free)
 
-    def _marked(self, name: str, found: NDArray[np.bool_], start: int, free: int) -> NDArray[np.bool_]:
+    def _write_flags(self, name: str, found: NDArray[np.bool_], start: int, free: int) -> NDArray[np.bool_]:
         """Write and return a column of flags after sample `start`, of which the first `free` ones stay."""
         kept = self.samples.rows(name, start + 1, start + 1 + found.size)
         changed = np.flatnonzero(found[free:] != kept[free:])
@@ -346,14 +346,14 @@ class LiveFilter:
                 noise = gap.noise
         return self._gates[count], noise
 
-    def _until(self, sample: int) -> float:
+    def _latest_measurement_time(self, sample: int) -> float:
         """Return the latest time of a measurement that is used at a sample or before [s]."""
         time = self._time(sample)
         if sample == self.first:
             return 0.0  # a log has no readings at its first sample or before
         return time + SLACK * (time - self._time(sample - 1))
 
-    def _go(self, end: int) -> None:
+    def _advance_piece(self, end: int) -> None:
         """Advance to a sample under constant conditions."""
         schedule, noise = self._conditions(end)
         # The kernel stores the start itself if it begins with sample 0.
@@ -371,7 +371,9 @@ class LiveFilter:
             turns=self.fixes.rows("turn", self.next_fix, due) if arm else NO_TURNS.copy(),
         )
         aids, reading = (
-            self._aids.within(self._begun, self._until(self.at), self._until(end))
+            self._aids.within(
+                self._begun, self._latest_measurement_time(self.at), self._latest_measurement_time(end)
+            )
             if self._aids.are_used
             else (NO_AIDS, NONE)
         )

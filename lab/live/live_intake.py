@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.parameters.counted import counted, were
+from lab.base.parameters.counted import count_noun, was_or_were
 from lab.data.clock.faults import increasing
 from lab.data.clock.timed_samples import NO_READINGS, TIMED_FIX, TIMED_IMU
 from lab.data.log.pressure_height import Heights
 from lab.data.log.sensor_log import GnssLog
-from lab.data.streams.live_log import gnss_of, usable_fixes, usable_imu
+from lab.data.streams.live_log import make_gnss_log, usable_fixes, usable_imu
 from lab.live.live_aids import LiveAids
 from lab.live.live_stream import Stream
 from lab.navigation.log_navigation import used_fixes
@@ -62,7 +62,8 @@ class FixIntake:
         found = []
         if self.refused:
             found.append(
-                f"{counted(self.refused, 'fix')} {were(self.refused)} not used: without a position in three "
+                f"{count_noun(self.refused, 'fix')} {was_or_were(self.refused)} not used: without a "
+                "position in three "
                 "dimensions, not in order, or too late."
             )
         if self.above_sea:
@@ -106,14 +107,14 @@ class FixIntake:
         dated = rows[(rows["utc"] > DATED[0]) & (rows["utc"] < DATED[1])]
         if dated.size:
             self.utc_offset = float(dated["utc"][-1] - dated["time"][-1])
-        gnss = gnss_of(rows)
+        gnss = make_gnss_log(rows)
         start = stream.fixes.end
         measured = 6 - np.isnan(gnss.velocity_n).sum(axis=1)
         columns = {name: getattr(gnss, name) for name in _COLUMNS[1:]}
         stream.fixes.append(time=time[good], measured=measured, **columns)
-        self._know(stream, start)
+        self._write_fixes(stream, start)
 
-    def _know(self, stream: Stream, start: int) -> None:
+    def _write_fixes(self, stream: Stream, start: int) -> None:
         """Write the fixes as the filter uses them.
 
         A velocity that is not measured follows from the positions before and after, so that of the fix before

@@ -38,7 +38,7 @@ from lab.live.live_intake import FixIntake, ReadingIntake
 from lab.live.live_start import LiveStart
 from lab.live.live_state import PHASES, Anchor, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_stream import Stream, log_of_stream, look_at_compass
-from lab.live.live_view import phase_of, state_of
+from lab.live.live_view import describe_phase, read_state
 from lab.live.pace import Pace
 from lab.live.stream_settings import stream_settings
 from lab.motion.frames.rotation import wrap
@@ -46,7 +46,7 @@ from lab.navigation.alignment import limits
 from lab.navigation.alignment.alignment import Alignment
 from lab.navigation.alignment.initial_heading import contradict
 from lab.navigation.alignment.start_covariance import start_covariance
-from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
+from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_filter
 from lab.navigation.checks import check_mechanization, check_r
 from lab.navigation.filters.schedule import EVERY_FIX
 from lab.navigation.model_choice import chosen_model
@@ -139,7 +139,7 @@ class LiveNavigator:
         """When and why the source broke, as far as it knows; whoever feeds the navigator sets it."""
         self._new_stream(np.nan)
         load(self._assumed, EVERY_FIX)
-        load(self._assumed, schedule_of(navigator, STEP, 1), self._model, aided=self._aids.are_used)
+        load(self._assumed, schedule_filter(navigator, STEP, 1), self._model, aided=self._aids.are_used)
 
     def feed(
         self,
@@ -221,7 +221,7 @@ class LiveNavigator:
                 "rows": self._intake.counts,
                 "remarks": (*self._notes.values(), *self._intake.counts.remarks, *self._fix_intake.remarks),
             }
-            return state_of(self._stream, counted)
+            return read_state(self._stream, counted)
 
     def since(self, cursor: HistoryCursor | None = None) -> tuple[HistoryCursor, LiveHistory]:
         """Return the history since a cursor, as it was shown, and the next cursor."""
@@ -330,7 +330,7 @@ class LiveNavigator:
         if stream.filter is not None:
             self._navigate(stream.filter)
         if stream.attitude is None or stream.attitude.begun:
-            phase = PHASES.index(phase_of(stream)[0])
+            phase = PHASES.index(describe_phase(stream)[0])
             shown = max(self._shown, stream.samples.first)
             self._history.add(stream.samples, shown, stream.epoch, phase, has_position=stream.has_position)
         self._shown = stream.end

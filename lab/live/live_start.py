@@ -14,7 +14,7 @@ from lab.base.arrays import FloatArray
 from lab.data.checks.velocity_matching import WINDOW
 from lab.data.log.auxiliary_data import AuxiliaryData
 from lab.data.log.sensor_log import MIN_OVERLAP
-from lab.data.streams.live_log import headings_of, magnetometer_of
+from lab.data.streams.live_log import make_headings, make_magnetometer
 from lab.data.streams.rolling import Rolling
 from lab.live.live_state import imu_between
 from lab.navigation.alignment import limits
@@ -99,13 +99,13 @@ class LiveStart:
                           f"{MIN_OVERLAP:g} s.")  # fmt: skip
         imu = imu_between(samples, first, samples.end - 1)
         known, sigma = _fixes_with_velocity(fixes)
-        magnetometer = magnetometer_of(imu.time, samples.rows("magnetic", first, samples.end))
+        magnetometer = make_magnetometer(imu.time, samples.rows("magnetic", first, samples.end))
         hints = Hints.of(
             AuxiliaryData(
                 magnetometer=magnetometer,
                 headings=None
                 if headings is None
-                else headings_of(*(headings.column(name) for name in ("time", "value", "sigma"))),
+                else make_headings(*(headings.column(name) for name in ("time", "value", "sigma"))),
             ),
             self._navigator.vehicle,
             self._navigator.initial_heading,

@@ -33,7 +33,7 @@ _OFF_DIAGONAL: Final = ((0, 1), (0, 2), (1, 2))
 """Elements of a symmetric matrix that a solution keeps beside its diagonal."""
 
 
-def _unknown(count: int = 3) -> FloatArray:
+def _unknown_values(count: int = 3) -> FloatArray:
     return np.full(count, np.nan)
 
 
@@ -86,26 +86,26 @@ class LiveState:
     phase: str
     reason: str
     time: float = np.nan
-    position: FloatArray = field(default_factory=_unknown)
-    position_sigma: FloatArray = field(default_factory=_unknown)
-    displacement: FloatArray = field(default_factory=_unknown)
-    displacement_sigma: FloatArray = field(default_factory=_unknown)
-    velocity_n: FloatArray = field(default_factory=_unknown)
-    velocity_sigma: FloatArray = field(default_factory=_unknown)
-    euler: FloatArray = field(default_factory=_unknown)
-    euler_sigma: FloatArray = field(default_factory=_unknown)
+    position: FloatArray = field(default_factory=_unknown_values)
+    position_sigma: FloatArray = field(default_factory=_unknown_values)
+    displacement: FloatArray = field(default_factory=_unknown_values)
+    displacement_sigma: FloatArray = field(default_factory=_unknown_values)
+    velocity_n: FloatArray = field(default_factory=_unknown_values)
+    velocity_sigma: FloatArray = field(default_factory=_unknown_values)
+    euler: FloatArray = field(default_factory=_unknown_values)
+    euler_sigma: FloatArray = field(default_factory=_unknown_values)
     position_covariance: FloatArray = field(default_factory=lambda: np.full((3, 3), np.nan))
     attitude_covariance: FloatArray = field(default_factory=lambda: np.full((3, 3), np.nan))
-    rate: FloatArray = field(default_factory=_unknown)
+    rate: FloatArray = field(default_factory=_unknown_values)
     heading_source: str = ""
-    bias: FloatArray = field(default_factory=lambda: _unknown(6))
-    bias_sigma: FloatArray = field(default_factory=lambda: _unknown(6))
+    bias: FloatArray = field(default_factory=lambda: _unknown_values(6))
+    bias_sigma: FloatArray = field(default_factory=lambda: _unknown_values(6))
     is_at_rest: bool = False
     fix_time: float = np.nan
     utc_offset: float = np.nan
     is_above_sea: bool | None = None
-    innovation: FloatArray = field(default_factory=lambda: _unknown(6))
-    innovation_sigma: FloatArray = field(default_factory=lambda: _unknown(6))
+    innovation: FloatArray = field(default_factory=lambda: _unknown_values(6))
+    innovation_sigma: FloatArray = field(default_factory=lambda: _unknown_values(6))
     fixes_used: int = 0
     fixes_rejected: int = 0
     fixes_refused: int = 0

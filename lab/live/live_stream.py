@@ -15,7 +15,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.log.auxiliary_data import AuxiliaryData, Magnetometer, Series
 from lab.data.log.sensor_log import GnssLog, SensorLog
-from lab.data.streams.live_log import headings_of, magnetometer_of
+from lab.data.streams.live_log import make_headings, make_magnetometer
 from lab.data.streams.rolling import Rolling
 from lab.live.attitude_only import NORTH, AttitudeOnly
 from lab.live.live_aids import empty_readings
@@ -163,7 +163,7 @@ def look_at_compass(stream: Stream) -> None:
     samples = stream.samples
     start = max(samples.number("time", stream.now - SHORTEST), samples.first)
     imu = imu_between(samples, start, samples.end - 1)
-    field = magnetometer_of(imu.time, samples.rows("magnetic", start, samples.end))
+    field = make_magnetometer(imu.time, samples.rows("magnetic", start, samples.end))
     if field is None:
         return
     here = stream.sample(stream.end - 1)
@@ -233,8 +233,8 @@ def log_of_stream(
         repairs=repairs,
         auxiliary=AuxiliaryData.of_series(
             series,
-            magnetometer=magnetometer_of(time, samples.column("magnetic")),
-            headings=headings_of(
+            magnetometer=make_magnetometer(time, samples.column("magnetic")),
+            headings=make_headings(
                 headings.column("time") - zero, headings.column("value"), headings.column("sigma")
             ),
         ),

@@ -48,7 +48,7 @@ class StreamedMission(LogMission):
         return ""
 
 
-def batch_of(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -> Result:
+def run_batch(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -> Result:
     """Return the batch run on the log of a stream.
 
     Parameters
@@ -70,9 +70,9 @@ def batch_of(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings)
     return run_log(experiment, mission, StageCache(limit=ROOM), lambda _stage, _part: None)
 
 
-def verdict_of(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -> Verdict:
-    """Return the verdict on the log of a stream; arguments and exceptions as of `batch_of`.
+def judge_stream(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -> Verdict:
+    """Return the verdict on the log of a stream; arguments and exceptions as of `run_batch`.
 
     Settings that do not hold for a stream have no effect (`lab.live.stream_settings`).
     """
-    return batch_of(log, *stream_settings(sensors, navigator)).verdict
+    return run_batch(log, *stream_settings(sensors, navigator)).verdict

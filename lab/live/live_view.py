@@ -27,7 +27,7 @@ DISPLACEMENT_LIMIT: Final = 10.0
 """Largest σ north or east with which a displacement without fixes is shown [m]."""
 
 
-def phase_of(stream: Stream) -> tuple[str, str]:
+def describe_phase(stream: Stream) -> tuple[str, str]:
     """Return the phase of a stream, and a sentence why it is that one."""
     if not len(stream.samples):
         return WAITING, "No sample of the IMU has come yet."
@@ -44,7 +44,7 @@ def phase_of(stream: Stream) -> tuple[str, str]:
     return NAVIGATING, f"IMU and GPS: the position has a σ of {sigma:.2g} m."
 
 
-def state_of(stream: Stream, counted: dict[str, Any]) -> LiveState:
+def read_state(stream: Stream, counted: dict[str, Any]) -> LiveState:
     """Return the state of a stream.
 
     Parameters
@@ -54,7 +54,7 @@ def state_of(stream: Stream, counted: dict[str, Any]) -> LiveState:
     counted
         The numbers of rows and fixes, and the remarks, as fields of `LiveState`.
     """
-    phase, reason = phase_of(stream)
+    phase, reason = describe_phase(stream)
     shown: dict[str, Any] = counted | {"phase": phase, "reason": reason}
     if phase == WAITING:
         return LiveState(**shown)

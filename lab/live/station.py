@@ -21,7 +21,7 @@ from lab.live.bench.growing_allan import GrowingAllan
 from lab.live.beside.own_algorithm import OwnAlgorithm
 from lab.live.live_navigator import STEP, LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState
-from lab.live.live_verdict import verdict_of
+from lab.live.live_verdict import judge_stream
 from lab.live.owner import Owner
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
@@ -138,11 +138,11 @@ class Station:
         MissionError
             If nothing has come yet, or the station has closed.
         """
-        with self._lent() as navigator:
+        with self._lend_navigator() as navigator:
             return navigator.log()
 
     @contextmanager
-    def _lent(self) -> Iterator[LiveNavigator]:
+    def _lend_navigator(self) -> Iterator[LiveNavigator]:
         """Lend the navigator to one thread at a time; raises `MissionError` if the station has closed."""
         with self._lock:
             if self._navigator is None:
@@ -222,12 +222,12 @@ class Station:
             self.begun += 1
 
     def _restart(self, why: str) -> None:
-        with self._lent() as navigator:
+        with self._lend_navigator() as navigator:
             navigator.restart(why)
 
     def _finish(self) -> None:
         """Navigate with what waited for later samples."""
-        with self._lent() as navigator:
+        with self._lend_navigator() as navigator:
             navigator.finish()
             self._state = navigator.state
         if self._tell is not None:
@@ -251,7 +251,7 @@ class Station:
                 continue
             judged = used
             try:
-                self.verdict = str(verdict_of(self.log(), self.sensors, self._assumed))
+                self.verdict = str(judge_stream(self.log(), self.sensors, self._assumed))
             except ValueError as error:  # too few fixes for a batch run, or it diverges
                 self.verdict = f"None yet: {error}"
 
@@ -260,7 +260,7 @@ class Station:
         if self.failure:
             return
         try:
-            *first, last = self._pieces(read.imu)
+            *first, last = self._split_samples(read.imu)
             for piece in first:
                 self._feed(piece)
             self._feed(last, read.fix, read.reading)
@@ -268,7 +268,7 @@ class Station:
             self.failure = f"The navigator failed: {type(error).__name__}: {error}"
             raise
 
-    def _pieces(self, imu: NDArray[np.void]) -> list[NDArray[np.void]]:
+    def _split_samples(self, imu: NDArray[np.void]) -> list[NDArray[np.void]]:
         """Return samples in pieces of a step, if somebody is told each state and they came together.
 
         Those that came one by one and waited are processed at once: a computer that is behind must not fall
@@ -286,7 +286,7 @@ class Station:
         fixes: NDArray[np.void] | None = None,
         readings: NDArray[np.void] = NO_READINGS,
     ) -> None:
-        with self._lent() as navigator:
+        with self._lend_navigator() as navigator:
             navigator.losses = self.source.losses  # after the samples, so that it explains them
             if not navigator.feed(imu, fixes, readings):
                 return

@@ -84,7 +84,7 @@ class Stations:
         with self._changed:
             found = {key: one.station for key, one in self._open.items()}
         known = {key: one.name for key, one in found.items() if may_watch(visitor, one.owner)}
-        return dict(zip(known, _told_apart(known.values()), strict=True))
+        return dict(zip(known, _number_names(known.values()), strict=True))
 
     def recordings(self) -> set[Path]:
         """Return the recordings that run."""
@@ -170,7 +170,7 @@ class Stations:
         with self._changed:
             self._opening.remove(opening)
             made.owner = opening.owner
-            key = _unlike(wanted, self._open)
+            key = _choose_free_name(wanted, self._open)
             self._open[key] = _Open(wanted, made, visitor.counted, {watcher: visitor.counted})
             self._changed.notify_all()
         return key, made
@@ -185,14 +185,14 @@ class Stations:
         """
         may = may_watch if alone else may_join
 
-        def nearness(owner: Owner) -> tuple[bool, bool]:  # first one's own, then that of a teacher
+        def owner_distance(owner: Owner) -> tuple[bool, bool]:  # first one's own, then that of a teacher
             return visitor.identity == owner.identity, owner.teaches
 
         while True:
             alike = [(key, one) for key, one in self._open.items() if one.wanted == wanted]
             found = [(key, one) for key, one in alike if may(visitor, one.station.owner)]
             if found:
-                return max(found, key=lambda item: nearness(item[1].station.owner))
+                return max(found, key=lambda item: owner_distance(item[1].station.owner))
             coming = [one for one in self._opening if one.wanted == wanted]
             if any(may(visitor, one.owner) for one in coming):
                 self._changed.wait()
@@ -271,17 +271,17 @@ class Stations:
             station.close()
 
 
-def _unlike(name: str, taken: Iterable[str]) -> str:
+def _choose_free_name(name: str, taken: Iterable[str]) -> str:
     """Return a name that is not taken, numbered if it must be: people choose by names."""
     known = set(taken)
     numbered = (name if number == 1 else f"{name} ({number})" for number in itertools.count(1))
     return next(one for one in numbered if one not in known)
 
 
-def _told_apart(names: Iterable[str]) -> Iterator[str]:
+def _number_names(names: Iterable[str]) -> Iterator[str]:
     """Yield names of which no two are the same."""
     taken: set[str] = set()
     for name in names:
-        free = _unlike(name, taken)
+        free = _choose_free_name(name, taken)
         taken.add(free)
         yield free

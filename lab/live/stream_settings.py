@@ -19,7 +19,7 @@ OTHER_STATES: Final = (
 """Settings of the navigator for further states and measurements, which have no effect on a stream."""
 
 
-def without(sensors: SensorSuite, others: Iterable[str] = OTHER_SENSORS) -> SensorSuite:
+def leave_out_sensors(sensors: SensorSuite, others: Iterable[str] = OTHER_SENSORS) -> SensorSuite:
     """Return a copy of the sensors in which some besides IMU and GPS, by default all, are not fitted."""
     sensors = sensors.copy()
     for sensor in others:
@@ -41,7 +41,7 @@ def stream_settings(
         Settings of a flight or of a log.
     """
     navigator = navigator.copy()
-    sensors = without(sensors, (aid.name for aid in AIDS if not aid.live))
+    sensors = leave_out_sensors(sensors, (aid.name for aid in AIDS if not aid.live))
     sensors.gps.outages = []
     for path in (*OTHER_STATES, "smoother"):
         navigator.set(path, False)

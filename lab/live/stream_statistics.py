@@ -13,7 +13,7 @@ from lab.analysis.identification.renavigation import subject
 from lab.analysis.identification.withheld import held_out, outages
 from lab.base.arrays import FloatArray
 from lab.data.log.sensor_log import SensorLog
-from lab.live.live_verdict import batch_of
+from lab.live.live_verdict import run_batch
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import TRIADS, SensorSuite
 
@@ -109,7 +109,7 @@ def of_log(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -
     """
     dt = float(np.median(np.diff(log.time)))
     found = _of_rates(dict(zip(TRIADS, log.rates, strict=True)), dt)
-    result = batch_of(log, sensors, navigator)
+    result = run_batch(log, sensors, navigator)
     solution = result.solution_arrays
     used = solution.fix_sample >= 0
     correlation = float("nan")
@@ -130,7 +130,7 @@ def _of_rates(rates: Mapping[str, FloatArray], dt: float) -> StreamStatistics:
     """Return noise and lines of both triads, with spectra and Allan deviations."""
     from scipy import ndimage  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
-    spectrum = spectrum_of(rates, dt)
+    spectrum = compute_spectrum(rates, dt)
     sizes = {}
     high = (spectrum.frequency >= LEAST_HZ) & (spectrum.frequency < HIGHEST * spectrum.frequency[-1])
     for triad, density in spectrum.density.items():
@@ -144,7 +144,7 @@ def _of_rates(rates: Mapping[str, FloatArray], dt: float) -> StreamStatistics:
     return StreamStatistics(sizes, float("nan"), spectrum, deviations)
 
 
-def spectrum_of(rates: Mapping[str, FloatArray], dt: float, average: Average = "median") -> Spectrum:
+def compute_spectrum(rates: Mapping[str, FloatArray], dt: float, average: Average = "median") -> Spectrum:
     """Return the spectra of samples (n, 3) of each triad in SI units.
 
     Parameters

@@ -23,8 +23,8 @@ from lab.analysis.allan import AllanDeviation
 from lab.analysis.rest import Record
 from lab.base.arrays import FloatArray
 from lab.data.log.sensor_log import SensorLog
-from lab.data.streams.live_log import log_of
-from lab.live.live_verdict import batch_of
+from lab.data.streams.live_log import make_log
+from lab.live.live_verdict import run_batch
 from lab.live.simulated.simulated_flight import REST, SimulatedFlight
 from lab.live.stream_settings import stream_settings
 from lab.live.stream_statistics import LEAST_HZ, Spectrum, StreamStatistics, of_log, of_rest
@@ -113,7 +113,7 @@ class TwinComparison:
         return [one.sentence for one in self.differences if one.sentence]
 
 
-def twin_of(
+def compare_with_twins(
     log: SensorLog,
     sensors: SensorSuite,
     navigator: NavigatorSettings,
@@ -143,14 +143,14 @@ def twin_of(
     sensors, navigator = stream_settings(sensors, navigator)
     smoothing = NavigatorSettings()
     smoothing.update({**navigator.to_dict(), "smoother": True})
-    motion = _motion(batch_of(log, sensors, smoothing))
+    motion = _motion(run_batch(log, sensors, smoothing))
     rate = 1 / float(np.median(np.diff(log.time)))
     with tempfile.TemporaryDirectory(prefix="ins-lab-") as folder:
         path = Path(folder) / "flight.csv"
         write_flight_csv(path, motion)
-        return _compared(
+        return _compare_statistics(
             of_log(log, sensors, navigator),
-            lambda k: of_log(_simulated(path, rate, sensors, seed + k), sensors, navigator),
+            lambda k: of_log(_simulate_log(path, rate, sensors, seed + k), sensors, navigator),
             tell,
             at_rest=False,
         )
@@ -180,7 +180,7 @@ def twin_at_rest(
     record = records[TRIADS[0]]
     dt, samples = record.dt, len(record.rates)
 
-    def simulated(k: int) -> StreamStatistics:
+    def simulate_twin(k: int) -> StreamStatistics:
         flight = SimulatedFlight.of(
             REST, 1 / dt, seed=seed + k, rest=samples * dt, settings={"sensors": sensors.to_dict()}
         )
@@ -188,10 +188,10 @@ def twin_at_rest(
         return of_rest({"gyro": rows["rate"], "accelerometer": rows["force"]}, dt)
 
     real = of_rest({triad: one.rates for triad, one in records.items()}, dt)
-    return _compared(real, simulated, progress or (lambda _words, _part: None), at_rest=True)
+    return _compare_statistics(real, simulate_twin, progress or (lambda _words, _part: None), at_rest=True)
 
 
-def _compared(
+def _compare_statistics(
     real: StreamStatistics, simulated: Callable[[int], StreamStatistics], tell: Tell, *, at_rest: bool
 ) -> TwinComparison:
     """Compare statistics with those of `TWINS` simulations, by their number."""
@@ -246,10 +246,10 @@ def _motion(result: Any) -> Recording:
     )
 
 
-def _simulated(path: Path, rate: float, sensors: SensorSuite, seed: int) -> SensorLog:
+def _simulate_log(path: Path, rate: float, sensors: SensorSuite, seed: int) -> SensorLog:
     """Return a simulation of the motion as a log, through the same repair as a stream."""
     flight = SimulatedFlight.of(str(path), rate, seed=seed, settings={"sensors": sensors.to_dict()})
-    return log_of("twin", *flight.timed())
+    return make_log("twin", *flight.timed())
 
 
 def _difference(name: str, real: float, twins: FloatArray) -> Difference:
@@ -273,16 +273,16 @@ def _sentence(name: str, by: float, sigma: float, real: float, mean: float, t: f
             f"simulation {mean:.2f} ± {sigma:.2f} (t = {t:.1f})."
         )
         return said if abs(by) > WORTH else ""
-    factor, low, high = np.exp((by, by - 2 * sigma, by + 2 * sigma))
+    factor, *ends = np.exp((by, by - 2 * sigma, by + 2 * sigma))
     if abs(factor - 1) < WORTH or (name.endswith(" line") and factor < LINE_WORTH):
         return ""
     return _START[name.split(" ", 1)[-1].split(" over ", maxsplit=1)[0]].format(
         triad=name.split(" ", maxsplit=1)[0],
         name=name.split(" ", 1)[-1],
-        range=f"{_spoken(factor)} times ({_spoken(low)} to {_spoken(high)}, t = {t:.1f})",
+        range=f"{_format_factor(factor)} times ({' to '.join(map(_format_factor, ends))}, t = {t:.1f})",
     )
 
 
-def _spoken(factor: float) -> str:
+def _format_factor(factor: float) -> str:
     """Return a factor with two decimals, or two digits where these would be few."""
     return f"{factor:.2f}" if factor >= _TWO_DIGITS else f"{factor:.2g}"

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from lab.base.files.mission_error import MissionError
-from lab.missions.folder_listing import described, holds, list_folder
+from lab.missions.folder_listing import check_holds, describe_mission, list_folder
 from lab.missions.log_mission import LogMission, is_log_folder
 from lab.missions.mission import Mission
 
@@ -34,7 +34,7 @@ def own_folder() -> Path:
     """
     named = os.environ.get(OWN_FOLDER_VARIABLE)
     if named:
-        return _expanded(named)
+        return _expand_path(named)
     from platformdirs import user_data_path  # noqa: PLC0415 - only needed without the variable
 
     return user_data_path("ins-lab", appauthor=False) / "missions"
@@ -80,18 +80,18 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
     """
     text = os.fspath(name_or_path)
     found, broken, _ = _find()
-    if text and text not in found and text not in broken and holds(_expanded(text).is_dir):
-        return _from_folder(_expanded(text), found)  # also one that is called like a file
+    if text and text not in found and text not in broken and check_holds(_expand_path(text).is_dir):
+        return _from_folder(_expand_path(text), found)  # also one that is called like a file
     if text.lower().endswith(".toml"):
-        path = _expanded(text)
-        return _listed(path, found) or described(path, str(path))
+        path = _expand_path(text)
+        return _find_listed(path, found) or describe_mission(path, str(path))
     if text.lower().endswith((".csv", ".csv.gz")):
-        return _from_csv(_expanded(text))
+        return _from_csv(_expand_path(text))
     if text in found:
         return found[text]
     if text in broken:
         raise MissionError(broken[text])
-    if text and holds(_expanded(text).is_file):
+    if text and check_holds(_expand_path(text).is_file):
         raise MissionError(
             f"{text}: is a file, and no mission yet; ins-lab import {text} adds it, with --as log if it has "
             "an IMU"
@@ -110,7 +110,7 @@ def names_in_words(names: Collection[str]) -> str:
     return ", ".join(first) + (f" and {more:,} more" if more > 0 else "")
 
 
-def _expanded(text: str) -> Path:
+def _expand_path(text: str) -> Path:
     try:
         return Path(text).expanduser()
     except RuntimeError:  # "~name" of an unknown user
@@ -118,7 +118,7 @@ def _expanded(text: str) -> Path:
 
 
 def _from_csv(path: Path) -> Mission:
-    if not holds(path.is_file):
+    if not check_holds(path.is_file):
         raise MissionError(
             f"{path}: there is no such file; accepted is a flight csv or the name of a mission"
         )
@@ -131,10 +131,10 @@ def _from_folder(path: Path, found: dict[str, Mission]) -> Mission:
         raise MissionError(
             f"{path}: is a folder without a log; accepted is one with log.toml, or with imu.csv and gnss.csv"
         )
-    return _listed(path, found) or LogMission.at(path)
+    return _find_listed(path, found) or LogMission.at(path)
 
 
-def _listed(path: Path, found: Mapping[str, Mission]) -> Mission | None:
+def _find_listed(path: Path, found: Mapping[str, Mission]) -> Mission | None:
     """Return the mission of a path among those found; None if there is none."""
     same = (one for one in found.values() if one.path is not None and one.path.absolute() == path.absolute())
     return next(same, None)

@@ -17,7 +17,7 @@ from lab.data.clock.two_clocks import clock_rate
 from lab.data.formats import READERS, Reader, log_reader_of, read_log_of, read_raw, reader_of, start_of
 from lab.data.log.auxiliary_data import Comparison
 from lab.data.log.calibration import read_calibration
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.data.log.sensor_log import SensorLog
 from lab.data.rebuild.import_report import ImportReport, report
 from lab.data.rebuild.import_settings import ALL, ImportSettings
@@ -232,7 +232,7 @@ def read_log(
     return _with_clock_rate(replace(log, auxiliary=replace(log.auxiliary, comparisons=own)))
 
 
-def calibrated(
+def calibrate_log(
     log: SensorLog, files: Sequence[Path], calibration: Path, axes: Sequence[str] = ()
 ) -> SensorLog:
     """Return a log that was read from files without the constant errors of its device.
@@ -302,7 +302,7 @@ def any_log(
 
 def _with_clock_rate(log: SensorLog) -> SensorLog:
     """Return a log with a remark if the clocks of its IMU and its receiver run at different rates."""
-    whole = piece(log)
+    whole = cut_section(log)
     gnss = whole.gnss
     found = clock_rate(whole.time, whole.dtheta, gnss.time - gnss.latency, gnss.position, gnss.velocity_n)
     return log if found is None else replace(log, repairs=(*log.repairs, found.remark))

@@ -15,8 +15,8 @@ from lab.flying.flight_plan import FlightPlan
 from lab.missions.catalogue import mission, own_folder, shipped_folder
 from lab.missions.library import (
     add_mission,
-    encoded,
-    named_by_others,
+    encode_toml,
+    is_named_by_others,
     new_recording,
     replace_toml,
 )
@@ -151,7 +151,7 @@ def add_flown(
     MissionError
         As of `add_mission`, and if the plan was changed while it was flown.
     """
-    source = _toml_of(flown)
+    source = _toml_path(flown)
     toml, old = folder / source.name, folder / flown.recording_path.name
     with file_errors_reported(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -159,7 +159,9 @@ def add_flown(
             _check_flown(flown, seed, folder, overwrite, written=path)  # again: flying took a while
             if read_toml(source).get("flight") != flown.flight:
                 raise MissionError(f"{source}: the plan was changed while it was flown; fly it again")
-            if _holds(toml, _flown_content(flown, old.name, seed, ending)) and not named_by_others(old, toml):
+            if _has_content(toml, _flown_content(flown, old.name, seed, ending)) and not is_named_by_others(
+                old, toml
+            ):
                 path.replace(old)
             else:
                 replace_toml(toml, _flown_content(flown, path.name, seed, ending))
@@ -181,8 +183,8 @@ def check_flown(flown: Mission, seed: int | None, folder: Path, overwrite: bool)
 def _check_flown(
     flown: Mission, seed: int | None, folder: Path, overwrite: bool, written: Path | None = None
 ) -> None:
-    toml, recording = folder / _toml_of(flown).name, folder / flown.recording_path.name
-    same = _holds(toml, _flown_content(flown, recording.name, seed, flown.ending))
+    toml, recording = folder / _toml_path(flown).name, folder / flown.recording_path.name
+    same = _has_content(toml, _flown_content(flown, recording.name, seed, flown.ending))
     paths = [path for path in ([recording] if same else [recording, toml]) if path != written]
     existing = [str(path) for path in paths if path.exists()]
     if existing and not overwrite:
@@ -193,18 +195,18 @@ def _check_flown(
 
 def _flown_content(flown: Mission, recording: str, seed: int | None, ending: str) -> bytes:
     """Return a mission's TOML file after a flight."""
-    source = _toml_of(flown)
+    source = _toml_path(flown)
     read_toml(source)  # checks its size too
     content = source.read_bytes()
     old = content.decode("utf-8-sig").replace("\r\n", "\n")
     new = flown_text(source, old, recording=recording, seed=seed, ending=ending)
-    return content if new == old else encoded(new, source)
+    return content if new == old else encode_toml(new, source)
 
 
-def _toml_of(flown: Mission) -> Path:
+def _toml_path(flown: Mission) -> Path:
     assert flown.path is not None  # only a TOML file has a plan
     return flown.path
 
 
-def _holds(path: Path, content: bytes) -> bool:
+def _has_content(path: Path, content: bytes) -> bool:
     return path.is_file() and path.read_bytes() == content

@@ -77,14 +77,14 @@ def list_folder(folder: Path) -> list[Listed]:
     tomls, logs = list[Listed](), list[Listed]()
     for name in sorted(inside):
         entry = inside[name]
-        is_folder = holds(entry.is_dir)
+        is_folder = check_holds(entry.is_dir)
         if not is_folder and not name.endswith(".toml"):
             continue
         stamp = _stamp(entry.path)
         if is_folder:
-            stamp = _both(stamp, _stamp(os.path.join(entry.path, DESCRIPTION_FILE)))  # noqa: PTH118 - faster
+            stamp = _combine_keys(stamp, _stamp(os.path.join(entry.path, DESCRIPTION_FILE)))  # noqa: PTH118 - faster
         known = before.get(name)
-        if known is None or known.stamp not in (stamp, _both(stamp, around)):
+        if known is None or known.stamp not in (stamp, _combine_keys(stamp, around)):
             known = _read(folder / name, is_folder, stamp, around)
         # A file written just now may be written again within the same tick of the clock.
         if 0 < known.stamp[0] < settled:
@@ -103,17 +103,17 @@ def _read(path: Path, is_folder: bool, stamp: tuple[int, ...], around: tuple[int
         return _Known(stamp, None)
     name = path.name if is_log else path.stem
     try:
-        mission = LogMission.at(path, name) if is_log else described(path, name)
+        mission = LogMission.at(path, name) if is_log else describe_mission(path, name)
     except MissionError as error:
         # What is missing may be a file beside it.
-        return _Known(_both(stamp, around), Listed(name, path, None, str(error)))
+        return _Known(_combine_keys(stamp, around), Listed(name, path, None, str(error)))
     recording = mission.recording_path
     return _Known(
         stamp, Listed(name, path, mission), recording.name if recording.parent == path.parent else ""
     )
 
 
-def described(path: Path, name: str) -> Mission:
+def describe_mission(path: Path, name: str) -> Mission:
     """Return the mission that a TOML file describes: a flight or a log.
 
     Raises
@@ -130,7 +130,7 @@ def _with_recording(known: _Known, listed: Listed, inside: dict[str, os.DirEntry
         return listed
     recording = listed.mission.recording_path
     there = inside.get(known.beside)
-    if holds(recording.is_file if there is None else there.is_file):
+    if check_holds(recording.is_file if there is None else there.is_file):
         return listed
     hint = f"; fly it: ins-lab fly {listed.path}" if listed.mission.flight else ""
     problem = f"{listed.path}: its recording {recording.name} does not exist{hint}"
@@ -147,11 +147,11 @@ def _stamp(path: str) -> tuple[int, ...]:
     return (max(changes), *changes, facts.st_size, facts.st_ino)
 
 
-def _both(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
+def _combine_keys(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
     return (max(one[0], other[0]), *one[1:], *other[1:])
 
 
-def holds(check: Callable[[], bool]) -> bool:
+def check_holds(check: Callable[[], bool]) -> bool:
     """Return the answer of a check of a file; False if there is none, as for a link to itself."""
     try:
         return check()

@@ -21,7 +21,7 @@ from lab.base.files.deleted_files import DeletedFiles, file_errors_reported
 from lab.base.files.description_toml import file_in_same_folder, read_toml
 from lab.base.files.locks import folder_lock
 from lab.base.files.mission_error import MissionError
-from lab.base.files.temporary_files import sweep, temporary_folder, unfinished
+from lab.base.files.temporary_files import mark_unfinished, sweep, temporary_folder
 from lab.base.parameters.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text
 from lab.data.files.log_toml import DESCRIPTION_FILE
 from lab.data.files.sensor_log_writer import write_sensor_log
@@ -110,10 +110,10 @@ def add_mission(
         _check_free(where, name, overwrite)
         with new_recording(where / f"{name}.csv.gz", recording) as path, folder_lock(where):
             _check_free(where, name, overwrite)  # again: writing took a while
-            sweep(where, named_by_others)
+            sweep(where, is_named_by_others)
             values["recording"] = path.name
             content = toml_text(values | ({} if flight is None else {"flight": flight}))
-            replace_toml(toml, encoded(content, toml))
+            replace_toml(toml, encode_toml(content, toml))
     return mission(toml)
 
 
@@ -157,14 +157,14 @@ def add_log(
             write_sensor_log(written, log, title=title, description=description, tags=tags)
             with folder_lock(where):
                 _check_free(where, name)  # again: writing took a while
-                sweep(where, named_by_others)
+                sweep(where, is_named_by_others)
                 written.rename(where / name)
     return mission(where / name)
 
 
 def sweep_user_folder() -> list[str]:
     """Remove what killed processes left in the user's own folder a day ago or earlier; return the names."""
-    return sweep(own_folder(), named_by_others)
+    return sweep(own_folder(), is_named_by_others)
 
 
 def free_name(text: str) -> str:
@@ -249,7 +249,7 @@ def describe_mission(
         changed = {key: value for key, value in new.items() if value is not None and value != old.get(key)}
         if changed:
             text = toml.read_bytes().decode("utf-8-sig").replace("\r\n", "\n") if old else ""
-            content = encoded(changed_text(toml, text, changed), toml)
+            content = encode_toml(changed_text(toml, text, changed), toml)
             write_file(toml, content)
     return mission(path)
 
@@ -267,7 +267,7 @@ def take_mission_away(name: str) -> DeletedFiles:
     """
     path = user_place(name)
     with file_errors_reported(path.parent), folder_lock(path.parent):
-        deleted = DeletedFiles.taken(f"mission {name}", path.parent, _files_of(path))
+        deleted = DeletedFiles.taken(f"mission {name}", path.parent, _files_of_mission(path))
         if path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
             path.rmdir()
         return deleted
@@ -284,14 +284,14 @@ def delete_mission(name: str) -> None:
     take_mission_away(name).forget()
 
 
-def _files_of(path: Path) -> list[Path]:
+def _files_of_mission(path: Path) -> list[Path]:
     """Return the files that go with a mission; its description, by which it is found, is the first."""
     if path.is_symlink():
         return [path]
     if path.is_dir():
         found = [path / DESCRIPTION_FILE, *_recordings_named(path), *(path / name for name in _LOG_FILES)]
     else:
-        found = [path, *(one for one in _recordings_named(path) if not named_by_others(one, path))]
+        found = [path, *(one for one in _recordings_named(path) if not is_named_by_others(one, path))]
     return [one for one in dict.fromkeys(found) if one.exists() or one.is_symlink()]
 
 
@@ -316,11 +316,11 @@ def _check_free(folder: Path, name: str, overwrite: bool = False) -> None:
 @contextlib.contextmanager
 def new_recording(wanted: Path, recording: Recording) -> Iterator[Path]:
     """Write a recording under an unused file name and check it; remove it if it is not used."""
-    for path in _numbered(wanted):
+    for path in _numbered_paths(wanted):
         with contextlib.suppress(FileExistsError):
             path.open("xb").close()
             break
-    with unfinished(path):
+    with mark_unfinished(path):
         try:
             write_flight_csv(path, recording)
             read_flight_csv(path)
@@ -330,7 +330,7 @@ def new_recording(wanted: Path, recording: Recording) -> Iterator[Path]:
             raise
 
 
-def _numbered(wanted: Path) -> Iterator[Path]:
+def _numbered_paths(wanted: Path) -> Iterator[Path]:
     """Yield a path, and then the same with numbers before its ending."""
     yield wanted
     stem = re.sub(r"(?i)(\.csv)?(\.gz)?$", "", wanted.name)
@@ -347,7 +347,7 @@ def replace_toml(toml: Path, content: bytes) -> None:
     _remove_unused(replaced)
 
 
-def encoded(text: str, toml: Path) -> bytes:
+def encode_toml(text: str, toml: Path) -> bytes:
     """Return the bytes of a TOML file, if it could be read again.
 
     Raises
@@ -387,11 +387,11 @@ def _recordings_named(place: Path) -> list[Path]:
 def _remove_unused(recordings: Sequence[Path]) -> None:
     """Remove recordings that no TOML file in their folder names."""
     for path in set(recordings):
-        if not named_by_others(path):
+        if not is_named_by_others(path):
             path.unlink(missing_ok=True)
 
 
-def named_by_others(recording: Path, toml: Path | None = None) -> bool:
+def is_named_by_others(recording: Path, toml: Path | None = None) -> bool:
     """Return whether a TOML file of the folder, another than that given, names a recording."""
     return any(recording in _recordings_named(one) for one in recording.parent.glob("*.toml") if one != toml)
 

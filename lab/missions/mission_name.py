@@ -36,7 +36,7 @@ def accepted_name(name: str) -> str:
         ends with one that shells and file systems treat specially, is reserved, or ends like a file.
     """
     name = unicodedata.normalize("NFC", name)
-    wrong = _wrong(name)
+    wrong = _find_problem(name)
     if wrong:
         raise MissionError(
             f"name {name!r}: {wrong}; accepted are 1 to {MAX_LETTERS} letters, digits, spaces, - _ . + ( ),"
@@ -57,13 +57,13 @@ def suggested_name(text: str) -> str:
         text = text[: text.rindex(".")]
     kept = re.sub(r"_+", "_", "".join(letter if _is_plain(letter) else "_" for letter in text))
     name = kept[:MAX_LETTERS].strip(f"{PUNCTUATION}")
-    if not _wrong(name):
+    if not _find_problem(name):
         return name
     name = f"mission_{name}"[:MAX_LETTERS].strip(PUNCTUATION)
-    return name if not _wrong(name) else "mission"
+    return name if not _find_problem(name) else "mission"
 
 
-def _wrong(name: str) -> str:
+def _find_problem(name: str) -> str:
     """Return the problem of a name; empty if it is accepted."""
     strange = next((letter for letter in name if not _is_plain(letter)), None)
     if not name:

@@ -39,7 +39,7 @@ def most_aids(sensors: SensorSuite, navigator: NavigatorSettings, duration: floa
     return round(duration * (per_second + conditions / CONDITION_PERIOD))
 
 
-def aids_of(
+def collect_aids(
     sensors: SensorSuite,
     navigator: NavigatorSettings,
     readings: Mapping[str, Readings],

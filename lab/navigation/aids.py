@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lab.base.aid_table import AIDS, FURTHER
 from lab.base.arrays import FloatArray
-from lab.base.compiling.generated_module import module_of
+from lab.base.compiling.generated_module import load_module
 from lab.navigation import strapdown
 from lab.navigation.filters.blocks import CORE, NO_STATE
 from lab.navigation.kernels.compilation import inline_kernel, kernel
@@ -246,7 +246,7 @@ _BRANCH = """
         return ((1 + error) * seen if {is_scale} else seen + error) - value"""
 
 
-def _further() -> Callable[[int, FloatArray, Vector, float, float, FloatArray], float]:
+def build_further_kernel() -> Callable[[int, FloatArray, Vector, float, float, FloatArray], float]:
     """Return the kernel that sees the further sensors of the aid table, with their biases or scale factors.
 
     Each has a module of its own with its `see`, which returns what it measures without errors, and writes
@@ -271,10 +271,10 @@ def _further() -> Callable[[int, FloatArray, Vector, float, float, FloatArray], 
         constants="\n".join(f"{first} = {NO_STATE}" for first in firsts),
         branches="".join(branches),
     )
-    return module_of("lab.navigation.further_aids", text).see_further  # type: ignore[no-any-return]
+    return load_module("lab.navigation.further_aids", text).see_further  # type: ignore[no-any-return]
 
 
-see_further = _further()
+see_further = build_further_kernel()
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.python_file import PythonFileError, described, load_object
+from lab.base.python_file import PythonFileError, describe_error, load_object
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import SLACK
 from lab.navigation.kernels.propagation import NAV
@@ -102,7 +102,7 @@ def run_algorithm(algorithm: Algorithm, imu: Imu, fixes: Fixes, start: Start) ->
     except AlgorithmError:
         raise
     except (Exception, SystemExit) as error:
-        raise AlgorithmError(f"{name}: raised an exception: {described(error)}") from error
+        raise AlgorithmError(f"{name}: raised an exception: {describe_error(error)}") from error
     samples, m = imu.time.size, fixes.time.size
     position = _array(name, estimate, "position", (samples, 3))
     velocity_n = _array(name, estimate, "velocity_n", (samples, 3))

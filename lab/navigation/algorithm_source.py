@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.base.python_file import described
+from lab.base.python_file import describe_error
 from lab.navigation.algorithm import Algorithm, AlgorithmError
 
 _ACCEPTED = (
@@ -84,7 +84,7 @@ class AlgorithmSource:
     @property
     def digest(self) -> str:
         """Digest of all of it."""
-        return _digest(self.name, self.text, _whole(self.values), _whole(self.state))
+        return _digest(self.name, self.text, _comparable_value(self.values), _comparable_value(self.state))
 
     def made(self) -> Algorithm:
         """Run the text, and return the algorithm with the attributes that it had.
@@ -97,14 +97,14 @@ class AlgorithmSource:
         try:
             made: Algorithm = object.__new__(getattr(self._module(), self.name))
         except (Exception, SystemExit) as error:
-            reason = described(error)
+            reason = describe_error(error)
             raise AlgorithmError(f"{self.name}: cannot be made from its source: {reason}") from error
         vars(made).update(copy.deepcopy(self.state))
         return made
 
     def _module(self) -> ModuleType:
         """Return the module of the text; it is run once, because what it compiles takes long."""
-        name = f"algorithm_{_digest(self.text, _whole(self.values))[:12]}"
+        name = f"algorithm_{_digest(self.text, _comparable_value(self.values))[:12]}"
         with _RUNNING:
             if name in sys.modules:
                 return sys.modules[name]
@@ -164,7 +164,7 @@ class _Gathered:
             except SyntaxError:
                 continue
             for node in reversed(tree.body):
-                if isinstance(node, Definition) and _defines(node, name):
+                if isinstance(node, Definition) and _defines_name(node, name):
                     above = [one.lineno for one in getattr(node, "decorator_list", ())]
                     return node, "".join(lines[min([node.lineno, *above]) - 1 : node.end_lineno]) + "\n"
         raise _cannot_travel(self._algorithm, f"{name}, which it uses,", value)
@@ -194,7 +194,7 @@ class _Names(ast.NodeVisitor):
             self.visit(node.value)
 
 
-def _defines(node: Definition, name: str) -> bool:
+def _defines_name(node: Definition, name: str) -> bool:
     """Return whether a statement defines a name."""
     if isinstance(node, ast.Assign):
         return any(isinstance(target, ast.Name) and target.id == name for target in node.targets)
@@ -234,13 +234,13 @@ def _digest(*parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
-def _whole(value: Any) -> object:
+def _comparable_value(value: Any) -> object:
     """Return a value in a form whose text tells it apart; that of a large array does not."""
     if isinstance(value, np.ndarray):
         return value.dtype.str, value.shape, value.tobytes()
     if isinstance(value, dict):
-        return [(key, _whole(one)) for key, one in value.items()]
-    return [_whole(one) for one in value] if isinstance(value, list | tuple) else value
+        return [(key, _comparable_value(one)) for key, one in value.items()]
+    return [_comparable_value(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _cannot_travel(algorithm: str, what: str, value: object) -> AlgorithmError:

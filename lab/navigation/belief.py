@@ -122,8 +122,12 @@ def belief(
     constants = constant_errors(sensors, navigator) if constants is None else constants
     single = of_bias_states(sensors, navigator) if single is None else single
     drive, decay = bias_processes(single, np.diag(constants), aligned=aligned)
-    noise = _given(navigator.q) if navigator.q is not None else matched_noise(sensors, drive[:3], drive[3:])
-    R = _given(navigator.r) if navigator.r is not None else matched_r(sensors)
+    noise = (
+        _expand_diagonal(navigator.q)
+        if navigator.q is not None
+        else matched_noise(sensors, drive[:3], drive[3:])
+    )
+    R = _expand_diagonal(navigator.r) if navigator.r is not None else matched_r(sensors)
     root = np.sqrt(r_factors(navigator))
     P0 = (
         _given_p0(navigator)
@@ -180,7 +184,7 @@ def assumed_latency(navigator: NavigatorSettings, true: float) -> float:
     return float(true if navigator.latency is None else navigator.latency)
 
 
-def _given(value: Any) -> FloatArray:
+def _expand_diagonal(value: Any) -> FloatArray:
     """Return the matrix that is given whole or by its diagonal."""
     array = np.asarray(value, dtype=np.float64)
     return np.diag(array) if array.ndim == 1 else array
@@ -188,7 +192,7 @@ def _given(value: Any) -> FloatArray:
 
 def _given_p0(navigator: NavigatorSettings) -> FloatArray:
     """Return the given P0, if it has the filter's number of states."""
-    P0 = _given(navigator.p0)
+    P0 = _expand_diagonal(navigator.p0)
     if P0.shape[0] != navigator.states:
         raise SettingError(
             f"navigator.p0: has {P0.shape[0]} states, but the filter has {navigator.states} "
@@ -235,7 +239,7 @@ def _correlate(P0: FloatArray, constants: FloatArray, names: tuple[str, ...]) ->
     for name in blocks.CONSIDERED:
         last = first + blocks.block(name).size
         if name in names:
-            across, states = constants[:core, first:last], blocks.states_of(names, name)
+            across, states = constants[:core, first:last], blocks.find_states(names, name)
             P0[:core, states], P0[states, :core] = across, across.T
         first = last
 
@@ -387,7 +391,7 @@ def fast_rate(sensors: SensorSuite, navigator: NavigatorSettings) -> float:
     return max(FAST_RATE, float(belief(sensors, navigator).decay.max()))
 
 
-def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedule:
+def schedule_filter(navigator: NavigatorSettings, dt: float, samples: int) -> Schedule:
     """Return the schedule of the filter.
 
     Parameters

@@ -118,7 +118,7 @@ def check_finite(solution: Solution, time: FloatArray) -> None:
     bad = (solution.variance < 0).any(axis=1)
     for values in states:
         bad |= ~np.isfinite(values).all(axis=1)
-    raise diverged(f"the numbers are not usable from t = {time[int(np.argmax(bad))]:.3f} s on")
+    raise divergence_error(f"the numbers are not usable from t = {time[int(np.argmax(bad))]:.3f} s on")
 
 
 def check_place(solution: Solution, latitude: FloatArray) -> None:
@@ -127,14 +127,14 @@ def check_place(solution: Solution, latitude: FloatArray) -> None:
     A pole is 100 km from every place that is not near one.
     """
     if np.abs(solution.position[:, 0]).max() > AT_POLE and not near_pole(latitude).any():
-        raise diverged("the estimate moved to a pole, and the flight does not come near one")
+        raise divergence_error("the estimate moved to a pole, and the flight does not come near one")
 
 
 AT_POLE = np.radians(89.9)
 """Latitude at which an estimate has moved to a pole [rad]: 11 km from it."""
 
 
-def diverged(what: str, error: Exception | None = None) -> DivergedError:
+def divergence_error(what: str, error: Exception | None = None) -> DivergedError:
     """Return the exception for a solution that diverged; `what` says how, `error` is the cause."""
     detail = f" ({error})" if error else ""
     return DivergedError(

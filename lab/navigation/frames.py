@@ -20,7 +20,7 @@ from lab.navigation import strapdown, wander
 from lab.navigation.filters.error_models import NORTH_SLAVED, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.wander_models import linear_model
-from lab.navigation.kernels.generation import interpreted
+from lab.navigation.kernels.generation import interpret_kernel
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import PREVIOUS_VELOCITY, Q_NB, VELOCITY
@@ -35,7 +35,7 @@ def in_wander(state: FloatArray) -> bool:
     return bool(state[wander.Q_EW : wander.AXIS].any())
 
 
-def model_at(state: FloatArray, model: ErrorModel) -> ErrorModel:
+def choose_model_here(state: FloatArray, model: ErrorModel) -> ErrorModel:
     """Return the error model in the frame in which a navigator computes now.
 
     Parameters
@@ -55,7 +55,7 @@ def model_at(state: FloatArray, model: ErrorModel) -> ErrorModel:
     return model
 
 
-def place(state: FloatArray, position: FloatArray, model: ErrorModel) -> None:
+def write_position(state: FloatArray, position: FloatArray, model: ErrorModel) -> None:
     """Write a position, in the frame in which a navigator of the model computes there.
 
     Parameters
@@ -70,17 +70,17 @@ def place(state: FloatArray, position: FloatArray, model: ErrorModel) -> None:
     always = model.mechanization == WANDER_AZIMUTH
     state[wander.Q_EW : wander.LENGTH] = 0.0
     if always or abs(position[0]) > strapdown.MAX_LATITUDE:
-        interpreted(wander.place)(state, *position)
+        interpret_kernel(wander.place)(state, *position)
         state[wander.LEAST_SINE] = 0.0 if always else RETURN
     else:
-        interpreted(strapdown.set_position)(state, *position)
+        interpret_kernel(strapdown.set_position)(state, *position)
     keep_radii(state)
 
 
 def keep_radii(state: FloatArray) -> None:
     """Fill in the curvatures at a new position; later, each step updates them."""
     frame = wander if in_wander(state) else strapdown
-    interpreted(frame.environment)(state, state[strapdown.HEIGHT])
+    interpret_kernel(frame.environment)(state, state[strapdown.HEIGHT])
 
 
 def shown(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -89,24 +89,24 @@ def shown(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         q_nb = state[Q_NB : Q_NB + 4].copy()
         return state[:VELOCITY].copy(), state[VELOCITY:Q_NB].copy(), q_nb
     out = Solution.empty(1, 0)
-    interpreted(wander.store_state)(out, 0, state)
+    interpret_kernel(wander.store_state)(out, 0, state)
     return out.position[0], out.velocity_n[0], out.q_nb[0]
 
 
-def lead(state: FloatArray, position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray) -> None:
+def set_motion(state: FloatArray, position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray) -> None:
     """Set a navigator to a position, velocity and attitude in n, as of `Start`; its covariance stays.
 
     In a wander-azimuth frame, the frame goes to the new place without a turn about the vertical.
     """
     if in_wander(state):
-        interpreted(wander.move_to)(state, position)
-        C_wn = np.array(interpreted(wander.north_axes)(state)).T
+        interpret_kernel(wander.move_to)(state, position)
+        C_wn = np.array(interpret_kernel(wander.north_axes)(state)).T
         velocity_n = C_wn @ velocity_n
         q_nb = (Rotation.from_matrix(C_wn) * Rotation.from_quat(q_nb, scalar_first=True)).as_quat(
             scalar_first=True
         )
     else:
-        interpreted(strapdown.set_position)(state, *position)
+        interpret_kernel(strapdown.set_position)(state, *position)
     state[VELOCITY : VELOCITY + 3] = velocity_n
     state[Q_NB : Q_NB + 4] = q_nb
 
@@ -129,20 +129,20 @@ def change(state: FloatArray, P: FloatArray, model: ErrorModel) -> FloatArray:
         C; the other errors stay as they are.
     """
     n = model.states
-    before = model_at(state, model).map(state)[:NAV, :NAV]
+    before = choose_model_here(state, model).map(state)[:NAV, :NAV]
     position, velocity_n, q_nb = shown(state)
     earlier = state[PREVIOUS_VELOCITY : PREVIOUS_VELOCITY + 3].copy()
     if in_wander(state):
-        earlier = np.array(interpreted(wander.north_axes)(state)) @ earlier
+        earlier = np.array(interpret_kernel(wander.north_axes)(state)) @ earlier
         state[wander.Q_EW : wander.LENGTH] = 0.0
-        interpreted(strapdown.set_position)(state, *position)
+        interpret_kernel(strapdown.set_position)(state, *position)
     else:
-        interpreted(wander.place)(state, *position)
+        interpret_kernel(wander.place)(state, *position)
         state[wander.LEAST_SINE] = RETURN
     state[VELOCITY : VELOCITY + 3], state[PREVIOUS_VELOCITY : PREVIOUS_VELOCITY + 3] = velocity_n, earlier
     state[Q_NB : Q_NB + 4] = q_nb
     keep_radii(state)
-    C = np.linalg.solve(model_at(state, model).map(state)[:NAV, :NAV], before)
+    C = np.linalg.solve(choose_model_here(state, model).map(state)[:NAV, :NAV], before)
     P[:NAV, : n + 1] = C @ P[:NAV, : n + 1]
     P[:, :NAV] = P[:, :NAV] @ C.T
     P[:, :n] = (P[:, :n] + P[:, :n].T) / 2

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.setting_error import SettingError
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.motion.frames.displacement import velocity_of_positions
 from lab.navigation import navigator as linear
-from lab.navigation.aiding import aids_of, needs_rest
+from lab.navigation.aiding import collect_aids, needs_rest
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.alignment.alignment import Alignment, align
 from lab.navigation.alignment.initial_heading import Hints
@@ -36,7 +36,7 @@ from lab.navigation.belief import (
     chosen_blocks,
     implausible,
     r_factors,
-    schedule_of,
+    schedule_filter,
 )
 from lab.navigation.checks import (
     check_finite,
@@ -51,11 +51,11 @@ from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.kalman import MEASUREMENTS, gate
 from lab.navigation.filters.schedule import Stretch
 from lab.navigation.filters.wander_models import linear_model
-from lab.navigation.log_readings import fitted_only, readings_of
+from lab.navigation.log_readings import collect_readings, drop_sensors_without_readings
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, standing_still
-from lab.sensors.gps import within
+from lab.sensors.gps import mask_within
 from lab.sensors.suite import SensorSuite
 
 _APART = 1.0
@@ -153,10 +153,10 @@ def navigate_log(
     ValueError
         If the solution diverges beyond all numbers, or comes too close to a pole.
     """
-    log = piece(log)
+    log = cut_section(log)
     _check(navigator)
-    readings = readings_of(log, sensors)
-    sensors, remarks = fitted_only(sensors, readings, log)
+    readings = collect_readings(log, sensors)
+    sensors, remarks = drop_sensors_without_readings(sensors, readings, log)
     check_user_states(navigator)
     assumed = belief(sensors, navigator)
     assumed = assumed._replace(lever_arm=assumed_lever_arm(navigator, log.gnss.lever_arm))
@@ -170,7 +170,7 @@ def navigate_log(
         imu, *start_fixes(fixes, log.gnss.velocity_n, variances), _hints(log, navigator), assumed
     )
     names = chosen_blocks(navigator, sensors)
-    rows = _fixes_after_start(log, imu, times) & ~within(outages, times)
+    rows = _fixes_after_start(log, imu, times) & ~mask_within(outages, times)
     assumed = assumed._replace(
         P0=start_covariance(assumed, navigator, names, start, variances[0, :3]),
         R=R[rows],
@@ -182,8 +182,8 @@ def navigate_log(
     begin = start.start._replace(gyro_bias=start.gyro_bias)
     given = np.ones(fixes.time.size, np.bool_) if withheld is None else ~withheld[rows]
     judged = np.ones_like(given) if rests_of_all else given
-    rest, standing = _rests(imu, fixes, assumed, navigator, judged)
-    aids = aids_of(sensors, navigator, readings, imu, standing)
+    rest, standing = _find_rests(imu, fixes, assumed, navigator, judged)
+    aids = collect_aids(sensors, navigator, readings, imu, standing)
     if navigator.rest_updates:
         imu = imu._replace(rest=rest)
     solution = _solution(
@@ -210,7 +210,7 @@ def _fixes_after_start(log: SensorLog, imu: Imu, times: FloatArray) -> NDArray[n
     return np.asarray(rows)
 
 
-def _rests(
+def _find_rests(
     imu: Imu, fixes: Fixes, assumed: Belief, navigator: NavigatorSettings, given: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the masks of the samples at rest and at zero velocity, from the given fixes; empty if unused."""
@@ -303,14 +303,14 @@ def _solution(
     names: tuple[str, ...] = (),
 ) -> Solution:
     """Navigate, and smooth if set; withheld fixes have no effect."""
-    schedule = schedule_of(navigator, imu.step, imu.dtheta.shape[0])
+    schedule = schedule_filter(navigator, imu.step, imu.dtheta.shape[0])
     check_smoother(navigator, schedule)
     stretches = _stretches(imu, fixes, log, assumed, navigator, measured)
     if not fixes.time.size:
         assumed = assumed._replace(R=np.eye(6))
     if not given.all():
         assumed = assumed._replace(R=assumed.R + WITHHELD**2 * np.eye(MEASUREMENTS) * ~given[:, None, None])
-    arguments = (_shown(imu), _shown(fixes), start, assumed, schedule)
+    arguments = (_make_read_only_views(imu), _make_read_only_views(fixes), start, assumed, schedule)
     if navigator.model == "nonlinear":
         solution = unscented.navigate(*arguments, stretches, aids, names)
     else:
@@ -322,7 +322,7 @@ def _solution(
     return solution
 
 
-def _shown(arrays: Arrays) -> Arrays:
+def _make_read_only_views(arrays: Arrays) -> Arrays:
     """Return read-only views like the arrays of a simulated flight, for which the code is compiled."""
     views = {name: np.ascontiguousarray(values).view() for name, values in arrays._asdict().items()}
     for view in views.values():

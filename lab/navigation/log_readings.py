@@ -40,7 +40,7 @@ class LogReadings(NamedTuple):
     usable: NDArray[np.bool_]
 
 
-def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
+def collect_readings(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
     """Return what the sensors besides IMU and GPS measured, if they are fitted, by their group.
 
     A sensor without a usable reading is left out.
@@ -51,19 +51,19 @@ def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
         If a magnetic field is to be used where it does not show the heading.
     """
     found = {}
-    for name, one in _held(log, sensors).items():
+    for name, one in _readings_in_log(log, sensors).items():
         if not sensors.aids()[name].get("fitted") or not one.usable.any():
             continue
         found[name] = _readings(log, sensors, name, one.usable)
     return found
 
 
-def fitted_only(
+def drop_sensors_without_readings(
     sensors: SensorSuite, readings: Mapping[str, Readings], log: SensorLog
 ) -> tuple[SensorSuite, list[str]]:
     """Return the sensors with only those fitted of which a log has readings, and remarks about the others."""
     own, remarks = sensors.copy(), []
-    held = _held(log, sensors)
+    held = _readings_in_log(log, sensors)
     for name, words in NAMES.items():
         fitted, there = sensors.aids()[name].get("fitted"), held.get(name)
         if fitted and name not in readings:
@@ -81,7 +81,7 @@ def fitted_only(
     return own, remarks
 
 
-def _held(log: SensorLog, sensors: SensorSuite) -> dict[str, LogReadings]:
+def _readings_in_log(log: SensorLog, sensors: SensorSuite) -> dict[str, LogReadings]:
     """Return what a log holds of each sensor that has a file; of the source of headings that is chosen."""
     auxiliary = log.auxiliary
     magnetic = _is_magnetic(sensors)

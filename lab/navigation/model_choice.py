@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lab.base.compiling import compiled_cache
 from lab.navigation import navigator
-from lab.navigation.belief import chosen_blocks, is_aided, schedule_of
+from lab.navigation.belief import chosen_blocks, is_aided, schedule_filter
 from lab.navigation.filters import smoother, unscented
 from lab.navigation.filters.error_models import ErrorModel
 from lab.navigation.filters.further_columns import with_blocks
@@ -53,6 +53,6 @@ def is_missing(settings: NavigatorSettings, sensors: SensorSuite, rate: float) -
     if settings.model == "nonlinear":
         return compiled_cache.is_missing(unscented.driver(aided=aided))
     model = chosen_model(settings, sensors)
-    forward = driver(model, summed=schedule_of(settings, 1 / rate, MANY).stride > 1, aided=aided)
+    forward = driver(model, summed=schedule_filter(settings, 1 / rate, MANY).stride > 1, aided=aided)
     parts = [forward, smoother.backward_pass(model, aided=aided)] if settings.smoother else [forward]
     return any(map(compiled_cache.is_missing, parts))

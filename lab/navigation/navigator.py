@@ -23,7 +23,7 @@ from lab.navigation.filters.error_models import PHI, ErrorModel
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import EVERY_FIX, Schedule, Stretch
-from lab.navigation.frames import change, model_at
+from lab.navigation.frames import change, choose_model_here
 from lab.navigation.kernels.compilation import is_ready
 from lab.navigation.kernels.driver import driver
 from lab.navigation.kernels.flight_piece import FlightPiece
@@ -126,11 +126,13 @@ def _fill(
     turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     run = Filter.begin(start, belief, float(imu.time[0]), model, turned=turned, aids=aids)
 
-    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
+    def navigate_piece(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         advance(run, imu, fixes, out, first, schedule, model, go)
 
-    go = partial(within_frame_in_piece, gather=gather) if is_long or gather is not None else within_frame
-    navigate_segments(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
+    go = (
+        partial(navigate_piece_within_frame, gather=gather) if is_long or gather is not None else within_frame
+    )
+    navigate_segments(run.noise, imu, solution, schedule, stretches, navigate_piece, PIECE if is_long else 0)
 
 
 Onwards = Callable[[Imu, Solution, int, Schedule], None]
@@ -188,12 +190,12 @@ def within_frame(
 
     Returns the number of increments that were used.
     """
-    model = model_at(run.state, model)
+    model = choose_model_here(run.state, model)
     go = driver(model, summed=schedule.stride > 1, aided=takes_aids(model, run.aids))
     return go(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
-def within_frame_in_piece(
+def navigate_piece_within_frame(
     run: Filter,
     imu: Imu,
     fixes: Fixes,

@@ -86,7 +86,7 @@ def navigate(
         If the estimate comes closer than 1° to a pole.
     """
     n = model.states
-    state, kalman = _begin(start, belief, model)
+    state, kalman = _start_filter(start, belief, model)
     out = Solution.empty(imu.time.size, fixes.time.size, model.blocks, aids=aids.time.size)
     _store(out, 0, state, kalman, model)
 
@@ -95,7 +95,7 @@ def navigate(
     rest, feedback = _Rest(belief, model), _Feedback(schedule, model, float(imu.time[0]))
     turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     turned = np.broadcast_to(turned, (fixes.time.size, 4))
-    driven = list(blocks.places(model.blocks))[: belief.decay.size]
+    driven = list(blocks.find_places(model.blocks))[: belief.decay.size]
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
         _check_frame(state, time)
         increments = _without_own(state, imu.dtheta[k], imu.dvelocity[k], dt, model.blocks)
@@ -106,15 +106,16 @@ def navigate(
         waited += 1
         elapsed += dt
         due, due_aids = (
-            _due(times, first, time, dt) for times, first in ((fixes.time, next_fix), (aids.time, next_aid))
+            _due_measurements(times, first, time, dt)
+            for times, first in ((fixes.time, next_fix), (aids.time, next_aid))
         )
         if due or due_aids or waited >= schedule.stride:
             C_nb = np.eye(3) if model.in_body else part_of(state, strapdown.C_NB, 9).reshape(3, 3)
             _predict(kalman, F_sum, belief, C_nb, elapsed, summed=schedule.stride > 1)
-            state[driven] *= _fading(belief, elapsed, summed=schedule.stride > 1)
+            state[driven] *= _decay_factors(belief, elapsed, summed=schedule.stride > 1)
             F_sum[:] = 0
             waited, elapsed = 0, 0.0
-        if rest.gathered(state, imu, k, dt) and rest.update(kalman, state):
+        if rest.add_rate(state, imu, k, dt) and rest.update(kalman, state):
             out.rest[k + 1] = True
             feedback.apply(state, kalman, time, dt)
         for a in due_aids:
@@ -138,7 +139,7 @@ def _check_frame(state: FloatArray, time: float) -> None:
         )
 
 
-def _due(times: FloatArray, first: int, now: float, dt: float) -> list[int]:
+def _due_measurements(times: FloatArray, first: int, now: float, dt: float) -> list[int]:
     """Return the measurements from number `first` on that are due after a sample of the length dt."""
     return [m for m in range(first, times.size) if times[m] <= now + SLACK * dt]
 
@@ -224,7 +225,7 @@ def _use_aid(
         excess = bent_speed(here, kalman.P[ATT, ATT], in_body=model.in_body)
         residual, R = residual - excess, R + 2 * excess**2
     if aids.kind[a] == AIRSPEED:
-        wind = blocks.states_of(model.blocks, blocks.WIND)
+        wind = blocks.find_states(model.blocks, blocks.WIND)
         excess = bent_airspeed(here, kalman.P[wind, wind])
         residual, R = residual - excess, R + 2 * excess**2
     if aids.kind[a] in (HEADING, MAGNETIC):
@@ -244,7 +245,7 @@ def _use_aid(
     feedback.apply(state, kalman, time, dt)
 
 
-def _put(state: FloatArray, at: int, values: FloatArray) -> None:
+def _write_state(state: FloatArray, at: int, values: FloatArray) -> None:
     state[at : at + values.size] = values
 
 
@@ -271,13 +272,13 @@ def _predict(
     kalman.predict(F=Phi, Q=Q)
 
 
-def _begin(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray, KalmanFilter]:
+def _start_filter(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray, KalmanFilter]:
     """Return a navigator at its start, and its filter."""
     state = np.zeros(own_room.END)
     strapdown.set_position(state, *start.position)
-    _put(state, strapdown.VELOCITY, start.velocity_n)
-    _put(state, strapdown.Q_NB, start.q_nb)
-    _put(state, strapdown.GYRO_BIAS, start.gyro_bias)
+    _write_state(state, strapdown.VELOCITY, start.velocity_n)
+    _write_state(state, strapdown.Q_NB, start.q_nb)
+    _write_state(state, strapdown.GYRO_BIAS, start.gyro_bias)
     kalman = KalmanFilter(dim_x=model.states, dim_z=6)
     kalman.x = np.zeros(model.states)
     kalman.P = initial_covariance(model, state, belief.P0).copy()
@@ -301,10 +302,10 @@ class _Rest:
         if self.held is None:
             self.held = part_of(state, strapdown.C_NB, 9).reshape(3, 3).copy()
         force = part_of(state, strapdown.PREVIOUS_DVELOCITY) * state[strapdown.PER_STEP]
-        _put(state, strapdown.C_NB, self.held.ravel())
-        _put(state, strapdown.FORCE_N, self.held @ force)
+        _write_state(state, strapdown.C_NB, self.held.ravel())
+        _write_state(state, strapdown.FORCE_N, self.held @ force)
 
-    def gathered(self, state: FloatArray, imu: Imu, k: int, dt: float) -> bool:
+    def add_rate(self, state: FloatArray, imu: Imu, k: int, dt: float) -> bool:
         """Add the rate of a sample at rest; return whether an update is due."""
         if self.held is None:
             return False
@@ -334,7 +335,7 @@ class _Rest:
         return True
 
 
-def _fading(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:
+def _decay_factors(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:
     """Return the decay factors (k,) of the driven states over a time, to the order of `_predict`."""
     x = elapsed * belief.decay
     return np.asarray(1 - x + (x**2 / 2 - x**3 / 6 if summed else 0))
@@ -404,15 +405,15 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool
     strapdown.set_position(
         state, latitude - x[0] / per_latitude, longitude - x[1] / per_longitude, height + x[2]
     )
-    _put(state, strapdown.VELOCITY, part_of(state, strapdown.VELOCITY) - x[VEL])
+    _write_state(state, strapdown.VELOCITY, part_of(state, strapdown.VELOCITY) - x[VEL])
     # A second fix before the next sample interpolates between this one and the one before.
-    _put(state, strapdown.PREVIOUS_VELOCITY, part_of(state, strapdown.PREVIOUS_VELOCITY) - x[VEL])
-    _put(state, strapdown.CORRECTED, part_of(state, strapdown.CORRECTED) + x[ATT])
+    _write_state(state, strapdown.PREVIOUS_VELOCITY, part_of(state, strapdown.PREVIOUS_VELOCITY) - x[VEL])
+    _write_state(state, strapdown.CORRECTED, part_of(state, strapdown.CORRECTED) + x[ATT])
     q_nb = Rotation.from_rotvec(x[ATT]) * Rotation.from_quat(
         part_of(state, strapdown.Q_NB, 4), scalar_first=True
     )
-    _put(state, strapdown.Q_NB, q_nb.as_quat(scalar_first=True))
-    state[list(blocks.places(model.blocks))] -= x[GYRO_BIAS.start :]
+    _write_state(state, strapdown.Q_NB, q_nb.as_quat(scalar_first=True))
+    state[list(blocks.find_places(model.blocks))] -= x[GYRO_BIAS.start :]
 
 
 def _corrected(state: FloatArray, x: FloatArray, model: ErrorModel) -> FloatArray:
@@ -434,7 +435,7 @@ def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter, model
     out.bias[k] = part_of(corrected, strapdown.GYRO_BIAS, 6)
     scales = out.scale.shape[1]
     out.scale[k] = part_of(corrected, strapdown.GYRO_SCALE, scales)
-    out.further[k] = corrected[list(blocks.places(model.blocks))[6 + scales :]]
+    out.further[k] = corrected[list(blocks.find_places(model.blocks))[6 + scales :]]
     out.variance[k] = np.diag(P)
     for block, at in enumerate((POS.start, ATT.start)):
         out.covariance[k, block] = P[at, at + 1], P[at, at + 2], P[at + 1, at + 2]

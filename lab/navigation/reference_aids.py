@@ -91,11 +91,11 @@ def _predict_further(
 def as_biases(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> None:
     """Write the columns of H (m, n) of all states that act as gyro biases do, from those of the biases."""
     if blocks.GYRO_DRIFT in names:
-        H[:, blocks.states_of(names, blocks.GYRO_DRIFT)] = H[:, GYRO_BIAS]
+        H[:, blocks.find_states(names, blocks.GYRO_DRIFT)] = H[:, GYRO_BIAS]
     if blocks.GYRO_G in names:
         force = _three(state, strapdown.PREVIOUS_DVELOCITY) * state[strapdown.PER_STEP]
         felt = (1 + _three(state, strapdown.GYRO_SCALE)) * force
-        H[:, blocks.states_of(names, blocks.GYRO_G)] = H[:, GYRO_BIAS] * felt
+        H[:, blocks.find_states(names, blocks.GYRO_G)] = H[:, GYRO_BIAS] * felt
     own = blocks.user_states(names)
     size = own.stop - own.start
     effects = state[own_room.EFFECTS : own_room.EFFECTS + own_room.WIDTH * size].reshape(size, own_room.WIDTH)
@@ -237,7 +237,7 @@ def bent_airspeed(state: FloatArray, P: FloatArray) -> float:
 def _write(row: FloatArray, names: tuple[str, ...], name: str, value: float | FloatArray) -> None:
     """Write the elements of a row for the states of a block, if the filter has it."""
     if name in names:
-        row[blocks.states_of(names, name)] = value
+        row[blocks.find_states(names, name)] = value
 
 
 def _three(state: FloatArray, at: int) -> FloatArray:

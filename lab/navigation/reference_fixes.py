@@ -55,10 +55,10 @@ def predict_antenna(
     own = blocks.user_states(names)
     seen = np.concatenate((arm_n, velocity)) + H[:, own] @ user_values(state, names)
     if blocks.GYRO_G in names:
-        seen = seen + H[:, blocks.states_of(names, blocks.GYRO_G)] @ part_of(state, strapdown.GYRO_G)
+        seen = seen + H[:, blocks.find_states(names, blocks.GYRO_G)] @ part_of(state, strapdown.GYRO_G)
     if LEVER_ARM in names:
-        H[POS, blocks.states_of(names, LEVER_ARM)] = C_nb
-        H[VEL, blocks.states_of(names, LEVER_ARM)] = C_nb @ skew(rate) - skew(omega_ie) @ C_nb
+        H[POS, blocks.find_states(names, LEVER_ARM)] = C_nb
+        H[VEL, blocks.find_states(names, LEVER_ARM)] = C_nb @ skew(rate) - skew(omega_ie) @ C_nb
     gyro_noise = np.zeros((6, 6))
     gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / length
     return H, seen, gyro_noise
@@ -72,7 +72,7 @@ def gyro_bias(state: FloatArray) -> FloatArray:
 def user_values(state: FloatArray, names: tuple[str, ...]) -> FloatArray:
     """Return the estimates (k,) of the states that a user declared."""
     own = blocks.user_states(names)
-    return state[list(blocks.places(names))[own.start - GYRO_BIAS.start :]]
+    return state[list(blocks.find_places(names))[own.start - GYRO_BIAS.start :]]
 
 
 def alignment(state: FloatArray, scale: int, off: int) -> FloatArray:
@@ -94,10 +94,10 @@ def predict_receiver_errors(state: FloatArray, H: FloatArray, names: tuple[str, 
         v, before = part_of(state, strapdown.VELOCITY), part_of(state, strapdown.PREVIOUS_VELOCITY)
         motion = np.concatenate((v, (v - before) * state[strapdown.PER_STEP]))
         added -= state[strapdown.LATENCY] * motion
-        H[:, blocks.states_of(names, blocks.LATENCY)] = -motion[:, None]
+        H[:, blocks.find_states(names, blocks.LATENCY)] = -motion[:, None]
     if blocks.GPS_DRIFT in names:
         added[POS] += part_of(state, strapdown.GPS_DRIFT)
-        H[POS, blocks.states_of(names, blocks.GPS_DRIFT)] = np.eye(3)
+        H[POS, blocks.find_states(names, blocks.GPS_DRIFT)] = np.eye(3)
     return added
 
 

@@ -19,7 +19,7 @@ _LONGEST_STEP = 2.5
 """The same in usual steps, of a slow reference: one lost row makes two of them, and two lost rows three."""
 
 
-def reference_at(reference: Reference, time: FloatArray) -> Truth | None:
+def interpolate_reference(reference: Reference, time: FloatArray) -> Truth | None:
     """Return a reference at other times; None if it has no row within them.
 
     Positions follow a cubic curve through the rows with their velocities, or straight lines if velocities are
@@ -105,7 +105,7 @@ def differences(other: Reference, time: FloatArray, solution: Solution) -> dict[
         ``position`` [m], ``velocity`` [m/s], ``attitude`` [rad], each (n, 3); NaN where the other solution
         has no values. None if it has no row within the times.
     """
-    there = reference_at(other, time)
+    there = interpolate_reference(other, time)
     if there is None:
         return None
     position = -displacement(solution.position, there.position)

@@ -248,11 +248,11 @@ class Retiring:
         """Keep the rows from a number on in float32 only."""
         rows = slice(first, self.left)
         self.kept[rows] = self._exact[rows]
-        forget(self._exact[first:])
+        release_pages(self._exact[first:])
         self.left = first
 
 
-def forget(values: NDArray[Any]) -> None:
+def release_pages(values: NDArray[Any]) -> None:
     """Give the whole pages of memory in a contiguous array back to the system, which makes them zero.
 
     Where the system is not Linux, nothing happens.
@@ -335,10 +335,10 @@ def _of_groups() -> Iterator[int]:
         limit, used, cached = _GROUP_FILES[version]
         numbers = [system_text(folder / name).strip() for name in (limit, used)]
         if all(number.isdigit() for number in numbers):
-            yield int(numbers[0]) - int(numbers[1]) + _cached(folder, cached)
+            yield int(numbers[0]) - int(numbers[1]) + _file_cache_size(folder, cached)
 
 
-def _cached(folder: Path, name: str) -> int:
+def _file_cache_size(folder: Path, name: str) -> int:
     """Return the file cache within the memory of a control group, which the system can release."""
     for line in system_text(folder / "memory.stat").splitlines():
         key, _, value = line.partition(" ")

@@ -43,7 +43,7 @@ LONGEST_SIGN = 20
 """Longest sign of a comment, and words of XML, before a line of the block [characters]."""
 
 
-def made_now() -> str:
+def time_stamp_now() -> str:
     """Return the date and time, such as ``"2026-05-04T12:30:00Z"``."""
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
@@ -53,9 +53,9 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in PACKAGES} | {"python": platform.python_version()}
 
 
-def origin_of(experiment: ExperimentSettings | None = None) -> dict[str, Any]:
+def describe_origin(experiment: ExperimentSettings | None = None) -> dict[str, Any]:
     """Return what stands in each printed analysis: its date, versions, and the settings if there are any."""
-    found = {"made": made_now(), "versions": versions()}
+    found = {"made": time_stamp_now(), "versions": versions()}
     if experiment is None:
         return found
     known = {} if experiment.hidden else {"seed": experiment.seed}
@@ -63,7 +63,9 @@ def origin_of(experiment: ExperimentSettings | None = None) -> dict[str, Any]:
     return {**found, "mission": experiment.mission, **known, **sealed, "settings": experiment.shared()}
 
 
-def facts_of(experiment: ExperimentSettings, flight: Mission, schema: str, **further: Any) -> dict[str, Any]:
+def collect_facts(
+    experiment: ExperimentSettings, flight: Mission, schema: str, **further: Any
+) -> dict[str, Any]:
     """Return what made the figures of an experiment; `further` facts stand before the settings.
 
     Parameters
@@ -84,7 +86,7 @@ def facts_of(experiment: ExperimentSettings, flight: Mission, schema: str, **fur
     return {
         "schema": schema,
         "schema_version": VERSIONS[schema],
-        "made": made_now(),
+        "made": time_stamp_now(),
         "mission": experiment.mission,
         "recording": flight.content_hash,
         "kind": "log" if is_log else "simulation",
@@ -99,7 +101,7 @@ def facts_of(experiment: ExperimentSettings, flight: Mission, schema: str, **fur
 def facts_of_run(run: Run) -> dict[str, Any]:
     """Return what made a run, with a digest of its solution."""
     digest = solution_digest(run.solution_arrays)
-    return facts_of(
+    return collect_facts(
         run.experiment, run.mission, RESULT, algorithm=run.algorithm or None, result_sha256=digest
     )
 
@@ -109,14 +111,14 @@ def facts_of_mission(mission: Mission) -> dict[str, Any]:
     return {
         "schema": MISSION,
         "schema_version": VERSIONS[MISSION],
-        "made": made_now(),
+        "made": time_stamp_now(),
         "mission": mission.name,
         "recording": mission.content_hash,
         "versions": versions(),
     }
 
 
-def ranges_of(seeds: Sequence[int]) -> list[list[int]]:
+def seed_ranges(seeds: Sequence[int]) -> list[list[int]]:
     """Return the first and the last of each unbroken range of seeds."""
     found: list[list[int]] = []
     for seed in seeds:
@@ -129,15 +131,15 @@ def ranges_of(seeds: Sequence[int]) -> list[list[int]]:
 
 def solution_digest(solution: Solution) -> str:
     """Return the SHA-256 of the histories of a solution; runs that are the same to the last bit share it."""
-    return digest_of(getattr(solution, name) for name in HISTORIES)
+    return digest_arrays(getattr(solution, name) for name in HISTORIES)
 
 
 def dataset_digest(data: xr.Dataset) -> str:
     """Return the SHA-256 of the values of a dataset's variables, whatever the shape."""
-    return digest_of(data[name].values for name in sorted(map(str, data.data_vars)))
+    return digest_arrays(data[name].values for name in sorted(map(str, data.data_vars)))
 
 
-def digest_of(arrays: Iterable[Any]) -> str:
+def digest_arrays(arrays: Iterable[Any]) -> str:
     """Return the SHA-256 of the bytes of arrays; all NaN count as one."""
     whole = hashlib.sha256()
     for one in arrays:
@@ -148,7 +150,7 @@ def digest_of(arrays: Iterable[Any]) -> str:
     return whole.hexdigest()
 
 
-def block_of(facts: Mapping[str, Any], sign: str = "", *, short: bool = False) -> str:
+def facts_block(facts: Mapping[str, Any], sign: str = "", *, short: bool = False) -> str:
     """Return facts as lines of TOML between two marks, each line after a sign of comments.
 
     A `short` block has a line for each fact, and all settings in one: it stands before a table, where a
@@ -159,13 +161,13 @@ def block_of(facts: Mapping[str, Any], sign: str = "", *, short: bool = False) -
     # schema = "ins-lab mission"
     # INS Lab: end
     """
-    lines = (BEGIN, *toml_text(_writable(facts), inline=short).splitlines(), END)
+    lines = (BEGIN, *toml_text(_make_writable(facts), inline=short).splitlines(), END)
     return "".join((f"{sign}{line}" if line else sign.rstrip()) + "\n" for line in lines)
 
 
-def attributes_of(facts: Mapping[str, Any], title: str) -> dict[str, str | int]:
+def netcdf_attributes(facts: Mapping[str, Any], title: str) -> dict[str, str | int]:
     """Return facts as attributes of a netCDF file: tables as TOML, lists, which may be nested, as JSON."""
-    written = _writable(facts)
+    written = _make_writable(facts)
     others = {name: value for name, value in written.items() if isinstance(value, Mapping)}
     plain = {
         name: json.dumps(value) if isinstance(value, list) else value
@@ -175,12 +177,12 @@ def attributes_of(facts: Mapping[str, Any], title: str) -> dict[str, str | int]:
     return {"title": title, **plain, **{name: toml_text(value) for name, value in others.items()}}
 
 
-def _writable(facts: Mapping[str, Any]) -> dict[str, Any]:
+def _make_writable(facts: Mapping[str, Any]) -> dict[str, Any]:
     """Return facts with what was given as JSON: it has unset values, for which TOML has no word."""
     return {name: json.dumps(value) if name == "given" else value for name, value in facts.items()}
 
 
-def facts_in(text: str) -> dict[str, Any] | None:
+def find_facts(text: str) -> dict[str, Any] | None:
     """Return the facts in a text, wherever they stand in it; None if there are none.
 
     Raises

@@ -24,7 +24,7 @@ from lab.base.notebook_card import NotebookCard
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.toml_file import TomlError, read_toml, toml_text
-from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, read_terms, setting_of
+from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, find_setting, read_sources, read_terms
 from lab.sensors.imu_errors import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import TRIADS, SensorSuite
 
@@ -116,7 +116,7 @@ class Card(NotebookCard):
         """
         suite = SensorSuite().groups()
         triads = () if self._receiver_alone() else TRIADS
-        out: dict[str, Any] = {triad: _off(suite[triad]) for triad in triads}
+        out: dict[str, Any] = {triad: _errors_off(suite[triad]) for triad in triads}
         marks = []
         for terms in (self.terms, self.assumed):
             for group, data in terms.items():
@@ -205,7 +205,7 @@ class Card(NotebookCard):
         card["sources"] = {key: source for source, key in keys.items()}
         card |= _entries(self.terms, keys)
         # An empty table means that nothing is assumed, although the grade has typical values.
-        if self.assumed or typical(self.grade):
+        if self.assumed or typical_terms(self.grade):
             card["assumed"] = _entries(self.assumed, keys)
         return {self.name: card}
 
@@ -314,14 +314,14 @@ def _catalogue_settings() -> Mapping[str, list[dict[str, dict[str, Any]]]]:
     return plain
 
 
-def _off(group: Settings) -> dict[str, Any]:
+def _errors_off(group: Settings) -> dict[str, Any]:
     """Return the settings of a triad without any errors."""
     names = [name for _, _, name in group.leaves() if name not in OF_THE_VEHICLE]
     off: dict[str, Any] = {name: group.param[name].default for name in names}
     for name in ("noise_density", "bias_sigma"):
         off[name] = 0.0
     off["range"] = group.param["range"].bounds[1]
-    return {name: _plain(value) for name, value in off.items()}
+    return {name: _to_plain(value) for name, value in off.items()}
 
 
 def _entries(terms: Terms, keys: Mapping[str, str]) -> dict[str, Any]:
@@ -363,10 +363,10 @@ def _card(where: str, name: str, table: Any) -> Card:
     }
     if not any(terms.values()):
         raise SettingError(f"{where}: has no numbers; accepted are tables {', '.join(GROUPS)}")
-    return Card(name=name, terms=terms, assumed=_assumed(where, table, terms, sources), **texts)
+    return Card(name=name, terms=terms, assumed=_assumed_terms(where, table, terms, sources), **texts)
 
 
-def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mapping[str, str]) -> Terms:
+def _assumed_terms(where: str, table: Mapping[str, Any], terms: Terms, sources: Mapping[str, str]) -> Terms:
     """Return the assumed numbers: those of the file, otherwise those typical of the grade."""
     own = table.get("assumed")
     if own is None:
@@ -377,7 +377,7 @@ def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mappin
     suite = SensorSuite().groups()
     for triad, data in own.items():
         words = data if isinstance(data, Mapping) else ()
-        twice = [word for word in words if setting_of(word) in terms.get(triad, {})]
+        twice = [word for word in words if find_setting(word) in terms.get(triad, {})]
         if twice:
             raise SettingError(
                 f"{where}, assumed.{triad}: {twice[0]} is given already; accepted is one of the two"
@@ -390,7 +390,7 @@ def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mappin
 
 def gaps_filled(terms: Terms, grade: str) -> Terms:
     """Return what is typical of a grade for the terms that are not given; a receiver alone has no gaps."""
-    filling = {} if set(terms) == {"gps"} else typical(grade)
+    filling = {} if set(terms) == {"gps"} else typical_terms(grade)
     rest = {
         triad: {name: datum for name, datum in data.items() if name not in terms.get(triad, {})}
         for triad, data in filling.items()
@@ -398,7 +398,7 @@ def gaps_filled(terms: Terms, grade: str) -> Terms:
     return {triad: data for triad, data in rest.items() if data}
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
@@ -415,7 +415,7 @@ def grades() -> Mapping[str, Terms]:
     return {grade: _terms(f"{ASSUMED}, {grade}", table) for grade, table in tables.items()}
 
 
-def typical(grade: str) -> Terms:
+def typical_terms(grade: str) -> Terms:
     """Return the typical values of a grade; none for grades that the table lacks, such as own sensors."""
     return grades().get(grade, {})
 

@@ -20,7 +20,7 @@ import numpy as np
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.units import TO_SI
 from lab.sensors.cards import GRADES, Card, cards, gaps_filled, grades
-from lab.sensors.datum import ALIKE, DENSITY, ONE_SIDED, TWO_SIDED, WORDS, Datum, setting_of
+from lab.sensors.datum import ALIKE, DENSITY, ONE_SIDED, TWO_SIDED, WORDS, Datum, find_setting
 from lab.sensors.sheet_unit import ANGLE, PURE, SheetUnit, sheet_unit
 from lab.sensors.suite import TRIADS, SensorSuite
 
@@ -76,7 +76,7 @@ _SIDES = {
 }
 
 
-def asked(triad: str) -> tuple[SheetTerm, ...]:
+def asked_terms(triad: str) -> tuple[SheetTerm, ...]:
     """Return the terms that are asked of a triad."""
     group = SensorSuite().groups()[triad]
     return tuple(term for term in TERMS if term.setting in group.param)
@@ -147,7 +147,7 @@ class DataSheet:
             Naming triad and word: if the word, the number or the unit is not accepted, or the number is far
             beyond every known sensor.
         """
-        setting = term_of(triad, word)
+        setting = find_term(triad, word)
         where = f"{triad}, {word.strip()}"
         known = self._given.setdefault(triad, {})
         if setting in known:
@@ -179,7 +179,7 @@ class DataSheet:
                     "density=5 mdps/sqrt(Hz)"
                 )
             split.append((triad, word, number))
-        split.sort(key=lambda one: term_of(one[0], one[1]) != "range")
+        split.sort(key=lambda one: find_term(one[0], one[1]) != "range")
         return [self.take(*one) for one in split]
 
     def card(self) -> Card:
@@ -211,7 +211,7 @@ def checked_text(what: str, text: str) -> str:
     return text
 
 
-def term_of(triad: str, word: str) -> str:
+def find_term(triad: str, word: str) -> str:
     """Return the setting that a word of data sheets means for a triad.
 
     Raises
@@ -221,9 +221,9 @@ def term_of(triad: str, word: str) -> str:
     """
     if triad not in TRIADS:
         raise SettingError(f"{triad!r}: accepted are {' and '.join(TRIADS)}")
-    settings = [term.setting for term in asked(triad)]
+    settings = [term.setting for term in asked_terms(triad)]
     plain = re.sub(r"[\s-]+", "_", word.strip().casefold())
-    setting = setting_of(plain)
+    setting = find_setting(plain)
     if setting in settings:
         return setting
     words = [*settings, *(one for one, meant in WORDS.items() if meant in settings)]
@@ -387,7 +387,7 @@ def _written_unit(setting: str, unit: SheetUnit, wanted: str) -> str:
 
 
 @functools.cache
-def usual(triad: str, setting: str) -> tuple[float, float]:
+def usual_range(triad: str, setting: str) -> tuple[float, float]:
     """Return the least and the largest number of all cards, in the unit of the setting, without zeros."""
     parameter = SensorSuite().groups()[triad].param[setting]
     tables: list[Mapping[str, Mapping[str, Datum]]] = [card.terms for card in cards().values()]
@@ -399,7 +399,7 @@ def usual(triad: str, setting: str) -> tuple[float, float]:
 def _check_size(triad: str, setting: str, datum: Datum) -> None:
     parameter = SensorSuite().groups()[triad].param[setting]
     sizes = np.atleast_1d(datum.in_unit(parameter.unit))
-    least, largest = usual(triad, setting)
+    least, largest = usual_range(triad, setting)
     low, high = least / BEYOND, min(largest * BEYOND, parameter.bounds[1])
     if setting in MAY_BE_ZERO:
         sizes = sizes[sizes > 0]

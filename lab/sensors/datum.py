@@ -173,7 +173,7 @@ def read_terms(where: str, declared: Settings, table: Any, sources: Mapping[str,
         raise SettingError(f"{where}: is not a table; accepted are {', '.join(accepted)}")
     terms: dict[str, Datum] = {}
     for word, entry in table.items():
-        name = setting_of(word)
+        name = find_setting(word)
         if name not in accepted:
             check_keys(where, (word,), accepted)
         if name in terms:
@@ -188,7 +188,7 @@ def read_terms(where: str, declared: Settings, table: Any, sources: Mapping[str,
     return terms
 
 
-def setting_of(word: str) -> str:
+def find_setting(word: str) -> str:
     """Return the setting that a word of data sheets means, in capitals or not; any other word as it is."""
     plain = re.sub(r"[\s-]+", "_", word.casefold())
     return WORDS.get(plain, word)

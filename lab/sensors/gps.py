@@ -222,7 +222,7 @@ def fix_times(errors: GpsErrors, duration: float) -> FloatArray:
 
 def outside_outages(errors: GpsErrors, times: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of the times outside all outages; an outage includes its start and its end."""
-    return ~within(errors.outages, times)
+    return ~mask_within(errors.outages, times)
 
 
 def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Truth:
@@ -319,7 +319,7 @@ def noise(
     if any(errors.correlated_sigma) and times.size:
         position += drift(times, errors, draws, memory)
     if errors.quality_steps:
-        factor = np.where(within(errors.quality_steps, times), errors.quality_factor, 1.0)[:, None]
+        factor = np.where(mask_within(errors.quality_steps, times), errors.quality_factor, 1.0)[:, None]
         position, velocity = factor * position, factor * velocity
     if errors.outlier_rate:
         # Outliers are the fixes with the lowest draws: a higher rate adds outliers and keeps the existing
@@ -347,7 +347,7 @@ def drift(times: FloatArray, errors: GpsErrors, draws: GpsDraws, memory: Memory 
     return np.asarray(si(errors, "correlated_sigma") * process)
 
 
-def within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:
+def mask_within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of the times in any of the intervals, including their starts and ends."""
     inside = np.zeros(times.shape, dtype=np.bool_)
     for start, end in intervals:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.histories import kept
+from lab.base.histories import shrink_history
 from lab.base.parameters.units import si
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
@@ -322,7 +322,7 @@ def is_drifting(errors: GyroErrors | AccelerometerErrors) -> bool:
 
 def as_kept(measured: Measured) -> Measured:
     """Return the output of a triad for storage: for a long flight, the true errors are float32."""
-    return measured._replace(bias=kept(measured.bias), scale=kept(measured.scale))
+    return measured._replace(bias=shrink_history(measured.bias), scale=shrink_history(measured.scale))
 
 
 def _above_reference(temperature: FloatArray) -> FloatArray:
@@ -337,7 +337,7 @@ def _lag(increments: FloatArray, settled: FloatArray, cutoff: FloatArray, states
         state = states.get(axis)
         if state is None:
             state = processes.settled_lag(settled[axis], angle)
-        increments[:, axis], states[axis] = processes.lagged(increments[:, axis], state, angle)
+        increments[:, axis], states[axis] = processes.apply_lag(increments[:, axis], state, angle)
 
 
 def _quantise(increments: FloatArray, step: FloatArray) -> None:

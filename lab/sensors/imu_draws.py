@@ -47,17 +47,17 @@ class ImuDraws(NamedTuple):
     ) -> ImuDraws:
         """Draw for one triad, named by `sensor`; long draws only for the errors that it has."""
 
-        def long(name: str, wanted: bool = True) -> FloatArray:
+        def draw_long(name: str, wanted: bool = True) -> FloatArray:
             return unit_draws(seed, f"{sensor}.{name}", (samples if wanted else 0, 3))
 
         return cls(
             bias=unit_draws(seed, f"{sensor}.bias", (3,)),
             scale=unit_draws(seed, f"{sensor}.scale_factor", (3,)),
             start=unit_draws(seed, f"{sensor}.instability.start", (3,)),
-            drive=long("instability", instability),
-            flicker=processes.flicker(long("flicker", flicker)),
-            walk=processes.random_walk(long("rate_random_walk", walk)),
-            noise=long("noise", noise),
+            drive=draw_long("instability", instability),
+            flicker=processes.flicker(draw_long("flicker", flicker)),
+            walk=processes.random_walk(draw_long("rate_random_walk", walk)),
+            noise=draw_long("noise", noise),
         )
 
     @classmethod
@@ -99,15 +99,15 @@ class ImuDrawStream:
     def following(self, samples: int) -> ImuDraws:
         """Return the draws for the next n samples."""
 
-        def long(name: str) -> FloatArray:
+        def draw_long(name: str) -> FloatArray:
             size = samples if self._wanted.get(name, True) else 0
             return self._stream.following(f"{self._sensor}.{name}", (size, 3))
 
-        walk = processes.random_walk(long("rate_random_walk"), self._walk)
+        walk = processes.random_walk(draw_long("rate_random_walk"), self._walk)
         self._walk = walk[-1].copy() if walk.size else self._walk
         return self._constant._replace(
-            drive=long("instability"),
-            flicker=self._flicker.following(long("flicker")),
+            drive=draw_long("instability"),
+            flicker=self._flicker.following(draw_long("flicker")),
             walk=walk,
-            noise=long("noise"),
+            noise=draw_long("noise"),
         )

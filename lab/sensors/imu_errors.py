@@ -263,7 +263,7 @@ def noise_variance(errors: Settings, path: str, rate: float) -> Derived:
     def form(value: Any) -> tuple[float, ...]:
         return tuple((number * factor) ** 2 * rate for number in value)
 
-    def back(value: Any) -> tuple[float, ...]:
+    def convert_back(value: Any) -> tuple[float, ...]:
         # Rounded, so that a value at the bounds does not exceed them.
         return tuple(float(f"{math.sqrt(number / rate) / factor:.15g}") for number in value)
 
@@ -277,7 +277,7 @@ def noise_variance(errors: Settings, path: str, rate: float) -> Derived:
         ),
         path.replace("noise_variance", "noise_density"),
         form,
-        back,
+        convert_back,
     )
 
 

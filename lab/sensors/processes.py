@@ -136,19 +136,19 @@ def random_walk(draws: FloatArray, before: FloatArray | None = None) -> FloatArr
 
 
 def settled_lag(start: float, cutoff: float) -> float:
-    """Return the state of a first-order lag, for `lagged`, in steady state.
+    """Return the state of a first-order lag, for `apply_lag`, in steady state.
 
     Parameters
     ----------
     start
         Constant input before the first interval, in units of the input.
     cutoff
-        As of `lagged`.
+        As of `apply_lag`.
     """
     return float(-np.expm1(-cutoff) / cutoff * start)
 
 
-def lagged(inputs: FloatArray, state: float, cutoff: float) -> tuple[FloatArray, float]:
+def apply_lag(inputs: FloatArray, state: float, cutoff: float) -> tuple[FloatArray, float]:
     """Return the means of a signal over each sample interval after a first-order lag, and its next state.
 
     Exact for a signal that is constant within the intervals, and unity for constants. A cutoff far above the

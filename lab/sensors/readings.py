@@ -19,7 +19,7 @@ from lab.base.parameters.units import si
 from lab.motion.truth.trajectory import Trajectory
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
-from lab.sensors.gps import within
+from lab.sensors.gps import mask_within
 
 NO_FIELD = np.zeros((0, 3))
 """No magnetic field, read-only."""
@@ -149,7 +149,7 @@ def slow_error(errors: Settings, seed: Seed, name: str, times: FloatArray) -> Fl
     return error
 
 
-def slow_error_at(errors: Settings, seed: Seed, name: str, time: FloatArray) -> FloatArray:
+def interpolate_slow_error(errors: Settings, seed: Seed, name: str, time: FloatArray) -> FloatArray:
     """Return the bias (n,) of a sensor at some times, also where an outage has no readings.
 
     Parameters
@@ -194,7 +194,7 @@ def read(
         Times without readings [s].
     """
     value = true + bias + noise * unit_draws(seed, f"{name}.noise", times.shape)
-    keep = ~within(outages, times)
+    keep = ~mask_within(outages, times)
     return Readings(times[keep], value[keep])
 
 
@@ -228,7 +228,7 @@ class AidSensor(Settings):
         """Return the true bias or scale factor error (n,) at times (n,), in outages too."""
         if hasattr(self, "scale_factor_sigma"):
             return np.full(time.size, scale_error(self, seed, self.NAME))
-        return slow_error_at(self, seed, self.NAME, time)
+        return interpolate_slow_error(self, seed, self.NAME, time)
 
     @classmethod
     def effective_in_a_log(cls) -> tuple[str, ...]:

@@ -149,7 +149,7 @@ def _power(parts: list[str]) -> tuple[tuple[float, Dimension], list[str]]:
     exponent = 1.0
     if head == "~":
         found, parts = _power(parts)
-        return _raised(found, 0.5), parts
+        return _raise_to_power(found, 0.5), parts
     if head == "(":
         found, parts = _product(parts)
         if not parts:
@@ -166,7 +166,7 @@ def _power(parts: list[str]) -> tuple[tuple[float, Dimension], list[str]]:
         exponent, parts = float(above) / float(below or 1), parts[1:]
         if abs(exponent) > 2:
             raise ValueError(f"the exponent {exponent:g} is none of a unit of sensors")
-    return _raised(found, exponent), parts
+    return _raise_to_power(found, exponent), parts
 
 
 def _atom(name: str) -> tuple[float, Dimension]:
@@ -179,7 +179,7 @@ def _atom(name: str) -> tuple[float, Dimension]:
     raise ValueError(f"{name[:20]!r} is no unit")
 
 
-def _raised(found: tuple[float, Dimension], exponent: float) -> tuple[float, Dimension]:
+def _raise_to_power(found: tuple[float, Dimension], exponent: float) -> tuple[float, Dimension]:
     factor, dimension = found
     return factor**exponent, _sum(PURE, dimension, exponent)
 

@@ -109,7 +109,7 @@ class SensorSuite(Settings):
         for mark in self.assumed.split(","):
             path, _, text = mark.strip().partition("=")
             triad, _, name = path.partition(".")
-            if triad in TRIADS and _has(self._triad(triad), name, text):
+            if triad in TRIADS and _has_value(self._triad(triad), name, text):
                 found.setdefault(triad, []).append(name)
         return found
 
@@ -198,7 +198,7 @@ def _in_words(terms: dict[str, list[str]]) -> str:
     )
 
 
-def _has(triad: Settings, name: str, text: str) -> bool:
+def _has_value(triad: Settings, name: str, text: str) -> bool:
     """Return whether a setting exists and has the value of a text: one number, or one for each axis."""
     if name not in (leaf for _, _, leaf in triad.leaves()):
         return False

@@ -16,7 +16,7 @@ UNITS = {"gyro": "°/h", "accelerometer": "mg"}
 TITLES = {"gyro": "Gyros", "accelerometer": "Accelerometers"}
 
 
-def promised(sensors: SensorSuite, triad: str, tau: FloatArray) -> FloatArray:
+def expected_deviation(sensors: SensorSuite, triad: str, tau: FloatArray) -> FloatArray:
     """Return the Allan deviation (k, 3) expected from noise density, flicker and random walk, in SI units.
 
     Quantisation with the step q is included as white noise with σ = q/√12 in each sample, where the noise of
@@ -42,7 +42,7 @@ def coefficients(sensors: SensorSuite, triad: str, dt: float) -> tuple[FloatArra
     Parameters
     ----------
     sensors, triad
-        As of `promised`.
+        As of `expected_deviation`.
     dt
         Time from sample to sample [s].
     """
@@ -84,7 +84,7 @@ class AllanFigures:
         """Draw the deviations of the triads, beside those expected from the settings."""
         self.compare(
             deviations,
-            {triad: promised(sensors, triad, found.tau) for triad, found in deviations.items()},
+            {triad: expected_deviation(sensors, triad, found.tau) for triad, found in deviations.items()},
         )
 
     def compare(self, deviations: Mapping[str, AllanDeviation], others: Mapping[str, FloatArray]) -> None:

@@ -28,7 +28,7 @@ _BOX = 1.25
 """Half the width of what is shown, in half lengths of the vehicle."""
 
 
-def _boxed(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> list[FloatArray]:
+def _box_faces(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> list[FloatArray]:
     """Return the six faces of a box, corners forward, right, down."""
     corners = np.array([(a, b, c) for a in x for b in y for c in z])
     sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -58,7 +58,7 @@ def _aircraft() -> list[tuple[FloatArray, str]]:
 
 
 def _phone() -> list[tuple[FloatArray, str]]:
-    body = _boxed((-0.9, 0.9), (-0.45, 0.45), (-0.05, 0.05))
+    body = _box_faces((-0.9, 0.9), (-0.45, 0.45), (-0.05, 0.05))
     screen = np.array(
         [(-0.75, -0.38, -0.06), (0.75, -0.38, -0.06), (0.75, 0.38, -0.06), (-0.75, 0.38, -0.06)]
     )
@@ -116,12 +116,12 @@ class AttitudeFigure:
         """Draw the level plane below the vehicle, with its cardinal points."""
         angles = np.linspace(0, 2 * np.pi, 73)
         ring = np.stack((np.cos(angles), np.sin(angles), np.full_like(angles, 0.35)), axis=-1)
-        self.figure.line(*_seen(ring), color=GREY, alpha=0.6)
+        self.figure.line(*_project_points(ring), color=GREY, alpha=0.6)
         for angle in np.radians(np.arange(0, 360, 30)):
             tick = np.array([(part * np.cos(angle), part * np.sin(angle), 0.35) for part in (0.93, 1.0)])
-            self.figure.line(*_seen(tick), color=GREY, alpha=0.6)
+            self.figure.line(*_project_points(tick), color=GREY, alpha=0.6)
         names = np.array([(1.13, 0, 0.35), (0, 1.13, 0.35), (-1.13, 0, 0.35), (0, -1.13, 0.35)])
-        x, y = _seen(names)
+        x, y = _project_points(names)
         self.figure.text(
             x, y, ["N", "E", "S", "W"], text_align="center", text_baseline="middle", text_color=GREY,
             text_font_size="12px",
@@ -148,10 +148,10 @@ class AttitudeFigure:
             known = "heading relative" if is_relative else f"heading {heading % 360:.1f}°"
             numbers = f"Roll {roll:z.1f}°, pitch {pitch:z.1f}°".replace("-", "\u2212")
             self._parcel.set(self._title_number, text=f"{numbers}, {known}")
-        self._parcel.set(self._face_number, data=drawn(SHAPES[self._shape], euler))
+        self._parcel.set(self._face_number, data=draw_faces(SHAPES[self._shape], euler))
 
 
-def drawn(faces: Sequence[tuple[FloatArray, str]], euler: FloatArray) -> dict[str, list[object]]:
+def draw_faces(faces: Sequence[tuple[FloatArray, str]], euler: FloatArray) -> dict[str, list[object]]:
     """Return faces as patches, those behind first.
 
     Parameters
@@ -166,14 +166,14 @@ def drawn(faces: Sequence[tuple[FloatArray, str]], euler: FloatArray) -> dict[st
     turned.sort(key=lambda face: float(_depth(face[0]).mean()), reverse=True)
     xs, ys, colours = [], [], []
     for corners, colour in turned:
-        x, y = _seen(corners)
+        x, y = _project_points(corners)
         xs.append(np.round(x, 3).tolist())
         ys.append(np.round(y, 3).tolist())
-        colours.append(_lit(colour, corners))
+        colours.append(_light_face(colour, corners))
     return {"xs": xs, "ys": ys, "colour": colours}
 
 
-def _seen(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _project_points(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return where a viewer in the south sees points north, east, down: to the right, and upwards."""
     north, east, down = points.T
     return east, north * np.sin(ELEVATION) - down * np.cos(ELEVATION)
@@ -185,7 +185,7 @@ def _depth(points: FloatArray) -> FloatArray:
     return np.asarray(north * np.cos(ELEVATION) + down * np.sin(ELEVATION))
 
 
-def _lit(colour: str, corners: FloatArray) -> str:
+def _light_face(colour: str, corners: FloatArray) -> str:
     """Return the colour of a face in the light."""
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     size = float(np.linalg.norm(normal))

@@ -58,10 +58,10 @@ def completions(token: str, text: str, names: Mapping[str, Any]) -> dict[str, An
 
     found: list[tuple[str, str]] = []
     start = token
-    if (quoted := _PATH.search(text)) and _is_settings(settings := _named(quoted[1], names)):
+    if (quoted := _PATH.search(text)) and _is_settings(settings := _find_named(quoted[1], names)):
         start, found = quoted[2], _paths(settings)
     elif whole := _ATTRIBUTE.fullmatch(token):
-        start, found = whole[2], _members(_named(whole[1], names), private=whole[2].startswith("_"))
+        start, found = whole[2], _members(_find_named(whole[1], names), private=whole[2].startswith("_"))
     kept = [(word, kind) for word, kind in found if word.startswith(start)]
     return {
         "completions": [SimpleCompletion(word, type=in_one_line(kind)) for word, kind in kept],
@@ -84,7 +84,7 @@ def _is_settings(found: object) -> bool:
     return isinstance(found, Settings)
 
 
-def _named(expression: str, names: Mapping[str, Any]) -> Any:
+def _find_named(expression: str, names: Mapping[str, Any]) -> Any:
     """Return the object that a dotted expression names, or None; nothing is computed for it."""
     first, *rest = expression.split(".")
     found = names.get(first)
@@ -112,26 +112,26 @@ def _members(owner: object, *, private: bool) -> list[tuple[str, str]]:
         return []
     listed = [name for name in dir(owner) if not name.startswith("_")]
     if not _is_settings(owner):
-        return [(name, _about(owner, name)) for name in listed]
+        return [(name, _describe_member(owner, name)) for name in listed]
     return _settings(owner, listed)
 
 
 def _settings(settings: Any, listed: list[str]) -> list[tuple[str, str]]:
     """Return settings and groups first, then the methods."""
-    from lab.base.parameters.setting_kinds import brief  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.base.parameters.setting_kinds import brief_value  # noqa: PLC0415 - importing the lab loads no settings
 
     groups, values, methods = settings.groups(), [], []
     for name in listed:
         if name in groups:
             values.append((name, "settings"))
         elif name in settings.param:
-            values.append((name, brief(settings.param[name], getattr(settings, name))))
+            values.append((name, brief_value(settings.param[name], getattr(settings, name))))
         else:
-            methods.append((name, _about(settings, name)))
+            methods.append((name, _describe_member(settings, name)))
     return values + methods
 
 
-def _about(owner: object, name: str) -> str:
+def _describe_member(owner: object, name: str) -> str:
     """Return the first sentence about a method, a plot or a property, in a few words; nothing is computed."""
     import inspect  # noqa: PLC0415 - takes a quarter of the import of the lab, and only a prompt needs it
 
@@ -146,6 +146,9 @@ def _about(owner: object, name: str) -> str:
 
 
 def _paths(settings: Settings) -> list[tuple[str, str]]:
-    from lab.base.parameters.setting_kinds import brief  # noqa: PLC0415 - importing the lab loads no settings
+    from lab.base.parameters.setting_kinds import brief_value  # noqa: PLC0415 - importing the lab loads no settings
 
-    return [(path, brief(owner.param[name], getattr(owner, name))) for path, owner, name in settings.leaves()]
+    return [
+        (path, brief_value(owner.param[name], getattr(owner, name)))
+        for path, owner, name in settings.leaves()
+    ]

@@ -10,7 +10,7 @@ import numpy as np
 from lab.analysis.verdicts.finding import Finding, Verdict
 from lab.experiment.ensembles.comparison import Compared, Comparison
 from lab.experiment.ensembles.ensemble import Ensemble
-from lab.views.mission_card import title_of
+from lab.views.mission_card import title_of_mission
 
 SETTLED = 20.0
 """Time after which the averages inside their intervals are counted [s]."""
@@ -71,14 +71,15 @@ def ensemble_html(ensemble: Ensemble) -> str:
     shown["quantity"] += " [" + shown.pop("unit") + "]"
     table = shown.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="unknown")
     return (
-        f"<h4>{escape(title_of(ensemble.experiment.mission))}, {which}{escape(who)}</h4>"
-        f"{verdict_html(ensemble.verdict)}<p>{escape(ensemble.remark)} {inside(ensemble)}</p>{table}"
+        f"<h4>{escape(title_of_mission(ensemble.experiment.mission))}, {which}{escape(who)}</h4>"
+        f"{verdict_html(ensemble.verdict)}<p>{escape(ensemble.remark)} "
+        f"{describe_coverage(ensemble)}</p>{table}"
         "<p>The root mean square is that of the whole flights; the other columns are those of the errors "
         "after the fixes.</p>"
     )
 
 
-def inside(ensemble: Ensemble) -> str:
+def describe_coverage(ensemble: Ensemble) -> str:
     """Return how often the averages over the runs are in their 95 % intervals, and what chance explains."""
     parts = {
         name: part
@@ -115,7 +116,7 @@ def verdict_html(verdict: Verdict) -> str:
         for number, finding in enumerate(verdict.findings)
     )
     findings += "".join(
-        f"<li>{escape(one.sentence)} {_bold(one.counsel)}</li>" for one in verdict.suggestions
+        f"<li>{escape(one.sentence)} {_format_counsel(one.counsel)}</li>" for one in verdict.suggestions
     )
     return (
         f'<div style="border-left:4px solid {colour};padding:.2em .8em;max-width:60em">'
@@ -126,8 +127,9 @@ def verdict_html(verdict: Verdict) -> str:
 
 
 def _advice(finding: Finding) -> str:
-    return f'{_bold(finding.counsel)} <span style="opacity:.75">Evidence: {escape(finding.evidence)}.</span>'
+    evidence = f'<span style="opacity:.75">Evidence: {escape(finding.evidence)}.</span>'
+    return f"{_format_counsel(finding.counsel)} {evidence}"
 
 
-def _bold(counsel: str) -> str:
+def _format_counsel(counsel: str) -> str:
     return escape(counsel).replace("Try:", "<b>Try:</b>", 1)

@@ -42,7 +42,7 @@ def envelope(
     series : list of (m,) arrays
         Two values for each stretch: the smaller first where the series rises over the stretch.
     """
-    first, last = _visible(time, window)
+    first, last = _find_visible(time, window)
     if last - first <= 2 * buckets:
         return time[first:last], [values[first:last] for values in series]
     starts, ends = _stretches(first, last, buckets)
@@ -67,7 +67,7 @@ def envelope_in_parts(
     at_once : int
         Largest number of samples that are read together, unless a stretch has more.
     """
-    first, last = _visible(time, window)
+    first, last = _find_visible(time, window)
     if last - first <= 2 * buckets:
         return time[first:last], list(read(first, last))
     starts, ends = _stretches(first, last, buckets)
@@ -82,7 +82,7 @@ def envelope_in_parts(
     return _thinned_time(time, starts, ends), [np.concatenate(one) for one in zip(*parts, strict=True)]
 
 
-def _visible(time: FloatArray, window: tuple[float, float]) -> tuple[int, int]:
+def _find_visible(time: FloatArray, window: tuple[float, float]) -> tuple[int, int]:
     """Return the first sample of a window, and the one after the last, with one more at either end."""
     first = max(int(np.searchsorted(time, window[0], "left")) - 1, 0)
     return first, min(int(np.searchsorted(time, window[1], "right")) + 1, len(time))

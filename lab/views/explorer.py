@@ -28,7 +28,7 @@ from lab.views.quantities import (
     TEMPERATURE,
     aid_plots,
     further_plots,
-    kinds_of,
+    kinds_of_aids,
     with_scale,
 )
 from lab.views.time_figures import TimeFigures
@@ -84,7 +84,7 @@ class Explorer:
         self.axis.span(end)
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, stop - result.epoch) for start, stop in outages])
-        self._makers = tabs_of(result, self.axis)
+        self._makers = list_tabs(result, self.axis)
         self._made: dict[int, Tab] = {}
         step = max(round(end / 1000, 1), 0.1)
         self.window = pn.widgets.RangeSlider(
@@ -143,7 +143,7 @@ class Explorer:
         pn.io.push_notebook(*self._columns[self.tabs.active])
 
 
-def tabs_of(result: Result, axis: TimeAxis) -> dict[str, Callable[[], Tab]]:
+def list_tabs(result: Result, axis: TimeAxis) -> dict[str, Callable[[], Tab]]:
     """Return, by title, the functions that make the tabs for which a result has data."""
 
     def of_time(plots: tuple[TimePlot, ...]) -> Callable[[], Tab]:
@@ -171,7 +171,7 @@ def tabs_of(result: Result, axis: TimeAxis) -> dict[str, Callable[[], Tab]]:
 
 def innovations(result: Result, axis: TimeAxis) -> Tab:
     """Return the innovations over time, and their autocorrelation."""
-    over_time = TimeFigures((*INNOVATIONS, *aid_plots(kinds_of(result))), axis, BUCKETS)
+    over_time = TimeFigures((*INNOVATIONS, *aid_plots(kinds_of_aids(result))), axis, BUCKETS)
     lags = AutocorrelationFigures()
 
     def draw() -> None:

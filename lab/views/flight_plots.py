@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lab.base.aid_table import AIDS
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.navigation.aids import HEADING, HEIGHT, MAGNETIC, NAMES, SENSORS, SHOWN
-from lab.views.quantities import AXIS_COLOURS, BODY, ESTIMATE, FIXES, ROLL_PITCH_HEADING, TRUTH, flown
+from lab.views.quantities import AXIS_COLOURS, BODY, ESTIMATE, FIXES, ROLL_PITCH_HEADING, TRUTH, plot_motion
 from lab.views.quantities import HEIGHT as OF_HEIGHT
 from lab.views.time_plot import AID_CLOCKS, Curve, FloatArray, Reader, TimePlot
 
@@ -69,7 +69,7 @@ def with_gaps(angles: FloatArray) -> FloatArray:
     return angles
 
 
-def _flown(
+def _plot_motion(
     name: str,
     title: str,
     unit: str,
@@ -80,10 +80,10 @@ def _flown(
 ) -> TimePlot:
     """Return a plot of estimate and truth, and of the fixes where they measure it."""
     estimate, truth, fixes = (series(group, variable, part) for group in ("solution", "truth", "gps"))
-    return flown(name, title, unit, estimate, truth, fixes if has_fixes else None)
+    return plot_motion(name, title, unit, estimate, truth, fixes if has_fixes else None)
 
 
-def _measured(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
+def _plot_measured(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
     """Return plots of what the IMU measured along its axes, and of the truth."""
 
     def of_axis(kind: str, number: int) -> Reader:
@@ -106,14 +106,14 @@ def _measured(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
 
 FLIGHT: tuple[TimePlot, ...] = (
     OF_HEIGHT[0],
-    _flown("ground_speed", "Ground speed", "m/s", "velocity", horizontal, has_fixes=True),
+    _plot_motion("ground_speed", "Ground speed", "m/s", "velocity", horizontal, has_fixes=True),
     OF_HEIGHT[2],
     *(
-        _flown(angle, angle.capitalize(), "°", "attitude", _angle(number))
+        _plot_motion(angle, angle.capitalize(), "°", "attitude", _angle(number))
         for number, angle in enumerate(ROLL_PITCH_HEADING)
     ),
-    *_measured("angular_rate", "Angular rate", "°/s"),
-    *_measured("specific_force", "Specific force", "m/s²"),
+    *_plot_measured("angular_rate", "Angular rate", "°/s"),
+    *_plot_measured("specific_force", "Specific force", "m/s²"),
 )
 """Height, speed and attitude, and what the IMU measured."""
 

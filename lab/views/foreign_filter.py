@@ -83,11 +83,11 @@ class ForeignFigure:
     """
 
     def __init__(self) -> None:
-        self.figure = _empty()
+        self.figure = _empty_figure()
 
     def show(self, found: ForeignVerdict) -> figure:
         """Return a new figure of a verdict: another log has other measurements."""
-        self.figure = _empty()
+        self.figure = _empty_figure()
         low, high = 0.5, 2.0
         begin, end = found.log.span
         self.figure.x_range.update(start=begin, end=max(end, begin + 1.0))
@@ -121,7 +121,7 @@ class ForeignFigure:
         return self.figure
 
 
-def _empty() -> figure:
+def _empty_figure() -> figure:
     made = plain_figure(
         "Root mean square of the innovations in their σ (1: as large as the filter says)",
         "time [s]",

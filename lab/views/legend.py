@@ -66,14 +66,14 @@ def add_still_legend(fig: figure, glyphs: dict[str, list[GlyphRenderer[Any]]]) -
     elements again when one changes. This one has glyphs of its own; a click hides the curves with them.
     """
     samples = {
-        label: fig.add_glyph(_unseen(many[0]), many[0].glyph.clone()) for label, many in glyphs.items()
+        label: fig.add_glyph(_unseen_source(many[0]), many[0].glyph.clone()) for label, many in glyphs.items()
     }
     items = add_legend(fig, samples)
     hidden = [(items[label], many) for label, many in glyphs.items()]
     fig.legend[0].js_on_event(LegendItemClick, CustomJS(args={"entries": hidden}, code=HIDE))
 
 
-def _unseen(glyph: GlyphRenderer[Any]) -> ColumnDataSource:
+def _unseen_source(glyph: GlyphRenderer[Any]) -> ColumnDataSource:
     """Return a source with the columns of a glyph's, and one row that is not drawn: a legend needs one."""
     assert isinstance(glyph.data_source, ColumnDataSource)
     abscissa = glyph.glyph.x

@@ -184,13 +184,13 @@ class LiveTrack:
         low, high = self._extent
         middle, half = (low + high) / 2, nice_limit(0.55 * float((high - low).max()))
         start = middle - half
-        if self._shown != (half, *start) and not self._holds(low, high, half):
+        if self._shown != (half, *start) and not self._fits_track(low, high, half):
             self._shown = (half, *start)
             lengths = 2 * half, 2 * half / (1 - _FREE)
             for number, low_end, length in zip(self._numbers[4:], start, lengths, strict=True):
                 self._parcel.set(number, start=float(low_end), end=float(low_end + length))
 
-    def _holds(self, low: FloatArray, high: FloatArray, half: float) -> bool:
+    def _fits_track(self, low: FloatArray, high: FloatArray, half: float) -> bool:
         """Return whether what is shown holds the track, at a scale that still fits."""
         shown_half, *start = self._shown
         return bool(
@@ -240,7 +240,7 @@ class LiveFigures(RollingFigures):
             )
         self._track = LiveTrack(parcel, 3)
         self._attitude = AttitudeFigure(parcel, shape)
-        self._hold((
+        self._hold_plots((
             self._rate, self._force, self._tilt, self._heading, self._sigma, self._velocity, self._innovation,
         ))  # fmt: skip
         self._turn = 0

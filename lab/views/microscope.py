@@ -104,7 +104,7 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:z.{digits}g}".replace("-", "−")
 
 
-def said(state: str) -> str:
+def name_state(state: str) -> str:
     """Return the name of a state with what people call it."""
     return f"{state} (heading)" if state == "attitude down" else state
 
@@ -121,7 +121,7 @@ def symbols(names: Sequence[str]) -> list[str]:
     return found
 
 
-def uncertain(update: xr.Dataset) -> xr.Dataset:
+def drop_known_states(update: xr.Dataset) -> xr.Dataset:
     """Return an update without the states that are known exactly."""
     P = np.diagonal(update.before.values) + np.diagonal(update.after.values)
     return update.isel(state=P > 0, other_state=P > 0)
@@ -168,10 +168,10 @@ def equations(update: xr.Dataset) -> list[tuple[str, str]]:
     terms = " + ".join(
         f"({number(gain)})·({number(part)})" for gain, part in zip(K[k], y, strict=True) if gain * part
     )
-    found.append(("x⁺ = K y", f"{said(names[k])}: {terms or '0'} = {number(x[k])} {shown[k]}"))
+    found.append(("x⁺ = K y", f"{name_state(names[k])}: {terms or '0'} = {number(x[k])} {shown[k]}"))
     after = np.sqrt(np.diagonal(update.after.values))
     k = int(np.argmin(np.divide(after, sigma, out=np.ones_like(sigma), where=sigma > 0)))
-    change = f"σ of {said(names[k])}: {number(sigma[k])} → {number(after[k])} {shown[k]}"
+    change = f"σ of {name_state(names[k])}: {number(sigma[k])} → {number(after[k])} {shown[k]}"
     if update.attrs["outcome"] == "recovered":
         return [*found, ("P⁺", f"{change}; P was raised before the fix")]
     return [*found, ("P⁺ = (I − K H) P⁻", f"{change}{_difference(update, sigma)}")]
@@ -197,7 +197,7 @@ def _vector(y: FloatArray, measured: Sequence[str], units: Sequence[str]) -> str
     return "; ".join(parts)
 
 
-def observed(update: xr.Dataset) -> list[str]:
+def describe_unobserved(update: xr.Dataset) -> list[str]:
     """Return in sentences which directions of the error the flight so far has not shown."""
     ratio, along = update.ratio.values, update.along.values
     names, units = update.state.values, update.unit.values
@@ -214,7 +214,7 @@ def observed(update: xr.Dataset) -> list[str]:
             text = f"σ {number(now[at])} {units[at]}{joint} {number(start[at])} {units[at]} at the start"
         else:
             text = f"σ in this direction is {100 * part:.0f} % of that at the start"
-        first, *others = (said(names[at]) for at in parts)
+        first, *others = (name_state(names[at]) for at in parts)
         found.append(f"{first}{' with ' if others else ''}{', '.join(others)}: {text}")
     more = len(found) - MOST
     return found[:MOST] + ([f"and {more} more"] if more > 0 else [])
@@ -222,9 +222,9 @@ def observed(update: xr.Dataset) -> list[str]:
 
 def update_html(update: xr.Dataset) -> str:
     """Return equations, observability, gains and covariances of an update as HTML."""
-    update = uncertain(update)
+    update = drop_known_states(update)
     lines = "".join(f"<dt>{escape(left)}</dt><dd>{escape(right)}</dd>" for left, right in equations(update))
-    items = "".join(f"<li>{escape(one)}</li>" for one in observed(update))
+    items = "".join(f"<li>{escape(one)}</li>" for one in describe_unobserved(update))
     words = (
         f"<p>Not observed yet, because at least 90 % of σ at the start is left:</p><ul>{items}</ul>"
         if items
@@ -269,7 +269,7 @@ def _gains(update: xr.Dataset) -> str:
             unit = escape(str(update.unit.values[at]))
             values = (update.start.values[at], before[at], after[at], update.correction.values[at])
             cells = "".join(f"<td>{number(value)}</td>" for value in (*values, *update.gain.values[at]))
-            yield f"<tr><th>{escape(said(name))} [{unit}]</th>{cells}</tr>"
+            yield f"<tr><th>{escape(name_state(name))} [{unit}]</th>{cells}</tr>"
 
     return _table(rows(), "States and gain")
 
@@ -307,7 +307,7 @@ def _correlations(update: xr.Dataset, word: str) -> str:
                 else _cell(float(r[i, j]))
                 for j in range(len(names))
             )
-            yield f"<tr><th>{escape(said(name))} <i>{signs[i]}</i></th>{cells}</tr>"
+            yield f"<tr><th>{escape(name_state(name))} <i>{signs[i]}</i></th>{cells}</tr>"
 
     return _table(rows(), f"Correlations {word} the fix", "correlations")
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.limits import LIMITS
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.data.log.sensor_log import SensorLog
 from lab.data.rebuild.import_report import ImportReport
 from lab.missions.catalogue import mission as find_mission
@@ -44,12 +44,12 @@ def log_html(mission: LogMission) -> str:
         log = mission.log
     except MissionError as error:
         return _card(mission, f"<p>No log: {escape(str(error))}</p>")
-    repairs = "".join(f"<li>{escape(repair)}</li>" for repair in piece(log).repairs)
+    repairs = "".join(f"<li>{escape(repair)}</li>" for repair in cut_section(log).repairs)
     body = _body(_log_facts(log) | {"Origin": mission.origin}, picture(mission, CARD_WIDTH))
     return _card(mission, f"{body}{f'<ul>{repairs}</ul>' if repairs else ''}")
 
 
-def title_of(name: str) -> str:
+def title_of_mission(name: str) -> str:
     """Return the title of a mission; its name if it has none, or cannot be found any more."""
     try:
         return find_mission(name).title or name
@@ -78,7 +78,7 @@ def _body(facts: dict[str, str], picture: str) -> str:
 
 def _log_facts(log: SensorLog) -> dict[str, str]:
     gnss, start = log.gnss, np.degrees(log.gnss.position[0, :2])
-    span = "" if log.reference is None else f"{np.ptp(log.reference.time):.1f} s, {_known(log)}"
+    span = "" if log.reference is None else f"{np.ptp(log.reference.time):.1f} s, {_known_parts(log)}"
     arm = ", ".join(f"{length:g}" for length in gnss.lever_arm)
     return {
         "Duration": f"{log.duration:.2f} s",
@@ -102,7 +102,7 @@ def _gaps(log: SensorLog) -> str:
     return "; ".join(parts) or "none"
 
 
-def _known(log: SensorLog) -> str:
+def _known_parts(log: SensorLog) -> str:
     assert log.reference is not None
     parts = {"velocity": log.reference.velocity_n, "attitude": log.reference.euler}
     return ", ".join(("position", *(word for word, part in parts.items() if np.isfinite(part).any())))
@@ -162,7 +162,7 @@ def read_log_html(log: SensorLog | None, refused: str) -> str:
     """Return how the IMU and GPS data of a file were read as a log, or why they were not; else nothing."""
     if log is None and not refused:
         return ""
-    rows = [refused] if log is None else piece(log).repairs
+    rows = [refused] if log is None else cut_section(log).repairs
     cells = "".join(
         f'<tr><td style="white-space: normal; opacity: 1">{escape(row)}</td></tr>' for row in rows
     )

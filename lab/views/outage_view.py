@@ -16,7 +16,7 @@ from bokeh.plotting import figure
 from lab.experiment.outage_table import OutageRow, OutageTable
 from lab.views.figures import decade_ticks, plain_figure
 from lab.views.legend import add_legend
-from lab.views.mission_card import title_of
+from lab.views.mission_card import title_of_mission
 from lab.views.quantities import AXIS_COLOURS, CURSOR, FIXES, HELD
 
 MOST_CURVES = 6
@@ -46,7 +46,7 @@ ABOUT_TABLE = (
 
 def outages_html(table: OutageTable) -> str:
     """Return a table of outages as HTML, for a notebook."""
-    title = f"{title_of(table.mission)}, outages of {table.seconds:g} s"
+    title = f"{title_of_mission(table.mission)}, outages of {table.seconds:g} s"
     return f"<h4>{escape(title)}</h4>{table_html(table)}"
 
 
@@ -71,7 +71,7 @@ def _cell(text: str, *, last: bool) -> str:
     return f"<td>{escape(text)}</td>"
 
 
-def curves_of(table: OutageTable) -> list[OutageRow]:
+def choose_curves(table: OutageTable) -> list[OutageRow]:
     """Return the rows that a figure draws: those closest to the wish, or some from the best to the worst."""
     known = [row for row in table.rows if row.runs and np.isfinite(row.most.value)]
     if len(known) <= MOST_CURVES:
@@ -140,7 +140,7 @@ def drift_figure(table: OutageTable, rows: Sequence[OutageRow]) -> figure:
 
 def curve_words(table: OutageTable) -> str:
     """Return what the figure shows, and of which sensors if not of all."""
-    shown = curves_of(table)
+    shown = choose_curves(table)
     left = len([row for row in table.rows if row.runs]) - len(shown)
     which = "closest to the wish" if table.wish is not None else "from the best to the worst"
     return f"{ABOUT} {len(shown)} sensors {which}." if left > 0 else ABOUT

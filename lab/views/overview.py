@@ -112,7 +112,7 @@ class Number(NamedTuple):
     page: str
 
 
-def numbers_of(result: Result) -> list[Number]:
+def key_figures(result: Result) -> list[Number]:
     """Return six figures of a run; of a log without reference, those of its innovations and its content."""
     nis = mean_over_degrees(result, "innovations", "nis")
     if result.missing_reason("errors"):
@@ -122,18 +122,18 @@ def numbers_of(result: Result) -> list[Number]:
         used = squares[np.isfinite(innovations["nis"].values)]
         rms = float(np.sqrt(used.mean())) if used.size else np.nan
         return [
-            Number(_shown(rms, "m"), "Position innovations, rms", "See them", "Innovations"),
-            Number(_shown(nis), "NIS, expected 1", "Identify noise …", "Verdict"),
+            Number(_format_value(rms, "m"), "Position innovations, rms", "See them", "Innovations"),
+            Number(_format_value(nis), "NIS, expected 1", "Identify noise …", "Verdict"),
             Number(
-                _shown(100 * rejected / fixes if fixes else np.nan, "%"),
+                _format_value(100 * rejected / fixes if fixes else np.nan, "%"),
                 "Fixes rejected",
                 "See them",
                 "Innovations",
             ),
-            Number(_shown(float(time[-1] - time[0]), "s"), "Duration", "See the flight", "Flight"),
-            Number(_shown(fixes), "GPS fixes", "See the track", "Ground track"),
+            Number(_format_value(float(time[-1] - time[0]), "s"), "Duration", "See the flight", "Flight"),
+            Number(_format_value(fixes), "GPS fixes", "See the track", "Ground track"),
             Number(
-                _shown((time.size - 1) / float(time[-1] - time[0]), "Hz"),
+                _format_value((time.size - 1) / float(time[-1] - time[0]), "Hz"),
                 "IMU rate",
                 "Check its noise",
                 "Allan",
@@ -142,12 +142,14 @@ def numbers_of(result: Result) -> list[Number]:
     nees = mean_over_degrees(result, "consistency", "nees")
     (east, north, _up), velocities, (_roll, _pitch, heading), inside = _of_errors(result)
     return [
-        Number(_shown(np.sqrt(east + north), "m"), "Horizontal position, rms", "See the errors", "Errors"),
-        Number(_shown(np.sqrt(velocities.sum()), "m/s"), "Velocity, rms", "See the errors", "Errors"),
-        Number(_shown(np.sqrt(heading), "°"), "Heading, rms", "See its sources", "Budget"),
-        Number(_shown(inside, "%"), "Inside 3σ, expected 99.7", "See σ", "Covariance"),
-        Number(_shown(nees), "NEES, expected 1", "Read the verdict", "Verdict"),
-        Number(_shown(nis), "NIS, expected 1", "See innovations", "Innovations"),
+        Number(
+            _format_value(np.sqrt(east + north), "m"), "Horizontal position, rms", "See the errors", "Errors"
+        ),
+        Number(_format_value(np.sqrt(velocities.sum()), "m/s"), "Velocity, rms", "See the errors", "Errors"),
+        Number(_format_value(np.sqrt(heading), "°"), "Heading, rms", "See its sources", "Budget"),
+        Number(_format_value(inside, "%"), "Inside 3σ, expected 99.7", "See σ", "Covariance"),
+        Number(_format_value(nees), "NEES, expected 1", "Read the verdict", "Verdict"),
+        Number(_format_value(nis), "NIS, expected 1", "See innovations", "Innovations"),
     ]
 
 
@@ -169,7 +171,7 @@ def _of_errors(result: Result) -> tuple[FloatArray, FloatArray, FloatArray, floa
     return squares[0], squares[1], squares[2], 100 * inside / counts.sum() if is_known else np.nan
 
 
-def _shown(value: float, unit: str = "") -> str:
+def _format_value(value: float, unit: str = "") -> str:
     """Return a number of three digits with its unit."""
     if not np.isfinite(value):
         return "–"
@@ -177,7 +179,7 @@ def _shown(value: float, unit: str = "") -> str:
     return f"{text}\u2009{unit}" if unit else text
 
 
-def sentences_of(result: Result) -> str:
+def describe_run(result: Result) -> str:
     """Return in two sentences what a run is, and what its plots show."""
     title = result.mission.title or result.mission.name
     if result.recorded is None:
@@ -206,7 +208,9 @@ def checks_in_words(found: CrossChecks) -> str:
         size, sigma = getattr(found, name), getattr(found, f"{name}_sigma")
         known = np.isfinite(size) & np.isfinite(sigma)
         if known.any():
-            rms, expected = (_shown(float(np.sqrt(np.mean(one[known] ** 2))), "m") for one in (size, sigma))
+            rms, expected = (
+                _format_value(float(np.sqrt(np.mean(one[known] ** 2))), "m") for one in (size, sigma)
+            )
             said.append(f"{words.format(rms)}; the filter expects {expected}.")
         elif name == "withheld":
             said.append("The log is too short to withhold fixes.")

@@ -28,8 +28,8 @@ import param
 from lab.base.files.atomic_file import atomic_file
 from lab.base.progress import Progress
 from lab.base.result_files import refuse_existing
-from lab.run.provenance import block_of
-from lab.views.paper_panel import LETTER, SIZE, Keys, PaperPanel, options_of
+from lab.run.provenance import facts_block
+from lab.views.paper_panel import LETTER, SIZE, Keys, PaperPanel, bokeh_options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -191,7 +191,7 @@ def save(
         for one, name in ((width, "width"), (height, "height"))
     )
     panels = _panels(drawn)
-    across = _columns(columns, wide or _wide(panels), len(panels), getattr(drawn, "_max_cols", 1))
+    across = _columns(columns, wide or _natural_width(panels), len(panels), getattr(drawn, "_max_cols", 1))
     refuse_existing([path], overwrite)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
@@ -199,7 +199,7 @@ def save(
     import matplotlib as mpl  # noqa: PLC0415 - takes 0.3 s to import, and the page does without
 
     with _LOCK, mpl.rc_context(STYLE), atomic_file(path) as file:
-        figure = drawn_figure(panels, wide or _wide(panels), tall, across)
+        figure = drawn_figure(panels, wide or _natural_width(panels), tall, across)
         kind = path.suffix.lower().removeprefix(".")
         figure.savefig(file, format=kind, dpi=RASTER, metadata=_metadata(facts, kind))
 
@@ -224,7 +224,7 @@ def pages(result: Result, progress: Progress) -> bytes:
             progress(f"Drawing {name.replace('_', ' ')}", number / len(names))
             drawn = getattr(result.plot, name)()
             panels = _panels(drawn)
-            width = _wide(panels)
+            width = _natural_width(panels)
             across = _columns(None, width, len(panels), getattr(drawn, "_max_cols", 1))
             file.savefig(drawn_figure(panels, width, None, across))
     return buffer.getvalue()
@@ -234,7 +234,7 @@ def _panels(drawn: _Saved) -> list[Any]:
     return [drawn] if isinstance(drawn, hv.Overlay) else list(drawn)
 
 
-def _wide(panels: Sequence[Any]) -> float:
+def _natural_width(panels: Sequence[Any]) -> float:
     """Return the width that plots have by themselves [mm]."""
     return WIDE if len(panels) > 1 else NARROW
 
@@ -268,7 +268,7 @@ def _metadata(facts: Mapping[str, Any], kind: str) -> dict[str, str]:
     if not facts:
         return {"Software" if kind == "png" else "Creator": creator}
     # A PDF has two encodings of text; of ASCII, both are the same.
-    text = re.sub(r"[^\x00-\x7f]", lambda sign: f"\\U{ord(sign[0]):08X}", f"\n{block_of(facts)}")
+    text = re.sub(r"[^\x00-\x7f]", lambda sign: f"\\U{ord(sign[0]):08X}", f"\n{facts_block(facts)}")
     title = f"INS Lab: {facts.get('mission', '')}"
     if kind == "png":
         return {"Software": creator, "Title": title, "ins-lab": text}
@@ -304,7 +304,7 @@ def drawn_figure(panels: Sequence[Any], width: float, height: float | None, acro
     from matplotlib.layout_engine import ConstrainedLayoutEngine  # noqa: PLC0415 - as above
 
     rows = -(-len(panels) // across)
-    options = [options_of(one, "plot") for one in panels]
+    options = [bokeh_options(one, "plot") for one in panels]
     is_map = any("data_aspect" in one for one in options)
     shape = 1.0 if is_map and len(panels) == 1 else SHAPE
     each = min(max(FLAT, shape * width / across), PAGE if is_map else HIGH) + FRAME

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import holoviews as hv
 import numpy as np
 
-from lab.views.sweep_figure import labelled
+from lab.views.sweep_figure import label_with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,7 +102,7 @@ class PaperPanel:
             hv.HSpan: self._span,
             hv.HLine: self._level,
         }
-        styles = [options_of(element, "style") for element in elements]
+        styles = [bokeh_options(element, "style") for element in elements]
         # Curves choose their looks first, then what is dashed; a band has that of its curve.
         for element, style in sorted(zip(elements, styles, strict=True), key=lambda one: _is_dashed(one[1])):
             if not isinstance(element, hv.Area | hv.HSpan | hv.HLine | hv.Segments):
@@ -113,19 +113,19 @@ class PaperPanel:
             is_title = alone and str(options.get("title", "")).startswith(f"{label}:")
             if handle is not None and label and not is_title:
                 self._keys.handles.setdefault(label, (handle, self._seen(element, style)))
-        self._dress(elements[0], options)
+        self._style_axes(elements[0], options)
         kinds = {type(one) for one in elements}
         beyond = 0.15 if hv.Segments in kinds else 0.0 if options.get("xlabel") == "Time [s]" else 0.04
         if hv.Path not in kinds:
             self._axes.margins(x=beyond)
 
-    def _dress(self, first: Any, options: Mapping[str, Any]) -> None:
+    def _style_axes(self, first: Any, options: Mapping[str, Any]) -> None:
         axes = self._axes
         titled = options.get("title", "")
-        words, size = self._fitted(titled)
+        words, size = self._fit_words(titled)
         axes.set_title(words, loc="left", fontsize=size)
-        dimensions = [labelled(one.label, one.unit or "") for one in first.dimensions()[:2]]
-        words, size = self._fitted(options.get("xlabel", dimensions[0]))
+        dimensions = [label_with_unit(one.label, one.unit or "") for one in first.dimensions()[:2]]
+        words, size = self._fit_words(options.get("xlabel", dimensions[0]))
         axes.set_xlabel(words, fontsize=size)
         axes.set_ylabel(options.get("ylabel", "" if titled else dimensions[1]))
         axes.grid(visible=True)
@@ -147,7 +147,7 @@ class PaperPanel:
         if "data_aspect" in options:
             axes.set_aspect("equal", adjustable="datalim")
 
-    def _fitted(self, words: str) -> tuple[str, float]:
+    def _fit_words(self, words: str) -> tuple[str, float]:
         """Return words, on several lines if needed, and their size [pt], so that they fit above the panel."""
         room = max(self._width - NUMBERS, NUMBERS)
         size = max(SIZE * min(1.0, room / max(len(words) * LETTER, 1.0)), SMALLEST)
@@ -171,7 +171,7 @@ class PaperPanel:
         line = SOLID[self._lines.get(str(style.get("color")), 0) % len(SOLID)]
         return COLOURS[number], DASHED if _is_dashed(style) else line, MARKS[number]
 
-    def _behind(self, style: Mapping[str, Any]) -> str:
+    def _band_colour(self, style: Mapping[str, Any]) -> str:
         """Return the colour of a band: that of its curve, or grey."""
         number = self._looks.get(str(style.get("color")))
         return "0.4" if number is None else COLOURS[number % len(COLOURS)]
@@ -180,12 +180,12 @@ class PaperPanel:
         """Return how an element looks, as far as a legend shows it."""
         kind = type(element)
         if isinstance(element, hv.Area | hv.Segments):
-            return kind, self._behind(style)
+            return kind, self._band_colour(style)
         return kind, *self._ink(element, style), style.get("marker")
 
     def _area(self, element: Any, style: Mapping[str, Any]) -> Any:
         time, low, high = (element.dimension_values(at) for at in range(3))
-        colour = self._behind(style)
+        colour = self._band_colour(style)
         band = self._axes.fill_between(time, low, high, facecolor=colour, alpha=0.16, linewidth=0, zorder=1)
         for edge in (low, high):
             self._axes.plot(time, edge, color=colour, alpha=0.5, linewidth=0.4, zorder=1)
@@ -227,7 +227,7 @@ class PaperPanel:
         return self._axes.vlines(x, 0, y, color=colour, linewidth=1.2, zorder=3)
 
     def _segments(self, element: Any, style: Mapping[str, Any]) -> Any:
-        colour = self._behind(style)
+        colour = self._band_colour(style)
         x, low, _, high = (element.dimension_values(at) for at in range(4))
         return self._axes.vlines(x, low, high, color=colour, alpha=0.35, linewidth=2.5, zorder=1)
 
@@ -264,7 +264,7 @@ def _label(element: Any) -> str:
     return str(element.label if element.group == type(element).__name__ else element.group)
 
 
-def options_of(element: Any, kind: str) -> dict[str, Any]:
+def bokeh_options(element: Any, kind: str) -> dict[str, Any]:
     """Return the options of an element that were set for Bokeh."""
     found: dict[str, Any] = hv.Store.lookup_options("bokeh", element, kind).kwargs
     return found

@@ -143,7 +143,7 @@ class Parcel:
             self._make(streams, ages, sets)
             return
         parts = [
-            (model, [(name, _plain(values)) for name, values in columns.items()], rollover)
+            (model, [(name, _numbers_for_json(values)) for name, values in columns.items()], rollover)
             for model, columns, rollover in streams
         ]
         aged = [(model, *values) for model, values in ages.items()]
@@ -185,7 +185,7 @@ class Parcel:
         return dict(source.data)
 
 
-def _plain(values: FloatArray) -> list[float | None]:
+def _numbers_for_json(values: FloatArray) -> list[float | None]:
     """Return numbers for JSON, which has no NaN."""
     rounded = np.round(values, DECIMALS).tolist()
     return [value if value == value else None for value in rounded]  # noqa: PLR0124 - NaN is not itself

@@ -40,7 +40,7 @@ from lab.views.quantities import (
     TRUTH,
     aid_plots,
     further_plots,
-    kinds_of,
+    kinds_of_aids,
     times_of_aid,
     with_scale,
 )
@@ -147,9 +147,9 @@ def sensor_errors(result: Result) -> Layout:
 def innovations(result: Result) -> Layout:
     """Return position and velocity innovations with ±3σ, and below them their autocorrelation."""
     use_bokeh()
-    plots = [_time_plot(result, plot) for plot in (*INNOVATIONS, *aid_plots(kinds_of(result)))]
+    plots = [_time_plot(result, plot) for plot in (*INNOVATIONS, *aid_plots(kinds_of_aids(result)))]
     plots += [_autocorrelation(result, name, axis) for name in ("position", "velocity") for axis in range(3)]
-    return _together(result, plots, wide=3)
+    return _stack_plots(result, plots, wide=3)
 
 
 def consistency(result: Result) -> Layout:
@@ -205,10 +205,10 @@ def ground_track(result: Result) -> Overlay:
 
 def _layout(result: Result, plots: Sequence[TimePlot], wide: int) -> Layout:
     use_bokeh()
-    return _together(result, [_time_plot(result, plot) for plot in plots], wide)
+    return _stack_plots(result, [_time_plot(result, plot) for plot in plots], wide)
 
 
-def _together(result: Result, plots: Sequence[hv.Overlay], wide: int) -> Layout:
+def _stack_plots(result: Result, plots: Sequence[hv.Overlay], wide: int) -> Layout:
     drawn: Layout = Layout(plots, made_by=lambda: result.facts).cols(columns(wide)).opts(shared_axes=True)
     return drawn
 

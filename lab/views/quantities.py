@@ -37,7 +37,7 @@ _AT_FIXES = ("gps", "innovations", "consistency")
 """Datasets over the times of the fixes."""
 
 
-def _unknown(result: Result, group: str, variable: str) -> FloatArray | None:
+def _unknown_values(result: Result, group: str, variable: str) -> FloatArray | None:
     """Return NaN (n,) for unknown quantities of a sensor log."""
     if not result.missing_reason(group) and variable in getattr(result, group):
         return None
@@ -46,7 +46,7 @@ def _unknown(result: Result, group: str, variable: str) -> FloatArray | None:
 
 def _component(group: str, variable: str, index: int) -> Reader:
     def read(result: Result) -> FloatArray:
-        unknown = _unknown(result, group, variable)
+        unknown = _unknown_values(result, group, variable)
         if unknown is not None:
             return unknown
         values: FloatArray = getattr(result, group)[variable].values
@@ -115,7 +115,7 @@ SCALE_COVARIANCE: tuple[TimePlot, ...] = (
 """Beside these with 21 states."""
 
 
-def _estimated(
+def _plot_estimate(
     name: str, title: str, unit: str, colour: str, estimate: Reader, truth: Reader, sigma: Reader
 ) -> TimePlot:
     """Return a plot of the estimate of an error with its ±3σ, and of its true value."""
@@ -132,7 +132,7 @@ def _estimates(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
     for index, (axis, colour) in enumerate(zip(BODY, AXIS_COLOURS, strict=True)):
         names = variable, f"{variable}_true", f"{variable}_sigma"
         readers = (_component("sensor_errors", name, index) for name in names)
-        plots.append(_estimated(f"{variable}_{axis}", f"{title}, {axis}", unit, colour, *readers))
+        plots.append(_plot_estimate(f"{variable}_{axis}", f"{title}, {axis}", unit, colour, *readers))
     return tuple(plots)
 
 
@@ -147,7 +147,7 @@ SCALE_ERRORS: tuple[TimePlot, ...] = (
 """Beside these with 21 states."""
 
 
-def _further(variable: str, state: str) -> Reader:
+def _read_further_state(variable: str, state: str) -> Reader:
     def read(result: Result) -> FloatArray:
         nothing = np.full(result.time.shape, np.nan)
         if not result.solution_arrays.further.shape[1]:  # as of a held result with fewer states
@@ -167,9 +167,9 @@ def further_plots(names: tuple[str, ...]) -> tuple[TimePlot, ...]:
     for block in (find_block(name) for name in names if name not in SCALES):
         for index, state in enumerate(block.names):
             name, colour = state.replace(" ", "_"), AXIS_COLOURS[index % len(AXIS_COLOURS)]
-            readers = (_further(variable, state) for variable in ("estimate", "truth", "sigma"))
+            readers = (_read_further_state(variable, state) for variable in ("estimate", "truth", "sigma"))
             title = state[0].upper() + state[1:]
-            plots.append(_estimated(name, title, block.shown_unit, colour, *readers))
+            plots.append(_plot_estimate(name, title, block.shown_unit, colour, *readers))
     return tuple(plots)
 
 
@@ -207,7 +207,7 @@ def times_of_aid(result: Run, clock: Clock) -> NDArray[np.float64]:
     return np.asarray(result.aids.time[result.aids.kind == AID_CLOCKS.index(clock)], dtype=np.float64)
 
 
-def kinds_of(result: Result) -> tuple[int, ...]:
+def kinds_of_aids(result: Result) -> tuple[int, ...]:
     """Return the kinds of the measurements besides GPS of a result."""
     return tuple(int(kind) for kind in np.unique(result.aids.kind))
 
@@ -265,7 +265,7 @@ INNOVATIONS: tuple[TimePlot, ...] = (
 
 def _scalar(group: str, variable: str) -> Reader:
     def read(result: Result) -> FloatArray:
-        unknown = _unknown(result, group, variable)
+        unknown = _unknown_values(result, group, variable)
         values: FloatArray = getattr(result, group)[variable].values if unknown is None else unknown
         return values
 
@@ -351,7 +351,7 @@ ENSEMBLE_CONSISTENCY: tuple[TimePlot, ...] = (
 )
 
 
-def flown(
+def plot_motion(
     name: str, title: str, unit: str, estimate: Reader, truth: Reader, fixes: Reader | None = None
 ) -> TimePlot:
     """Return a plot of estimate and truth, and of the fixes where they measure it."""
@@ -365,9 +365,9 @@ def flown(
 
 _FLOWN = ("solution", "truth", "gps")
 HEIGHT: tuple[TimePlot, ...] = (  # component 2 of a vector is down
-    flown("height", "Height above the ellipsoid", "m", *(_scalar(group, "height") for group in _FLOWN)),
+    plot_motion("height", "Height above the ellipsoid", "m", *(_scalar(group, "height") for group in _FLOWN)),
     ERRORS[2],
-    flown(
+    plot_motion(
         "velocity_up",
         "Vertical velocity, up",
         "m/s",

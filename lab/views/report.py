@@ -20,7 +20,7 @@ from bokeh.resources import Resources
 
 from lab.base.files.atomic_file import write_file
 from lab.base.result_files import refuse_existing
-from lab.run.provenance import block_of
+from lab.run.provenance import facts_block
 from lab.views.ensemble_cards import verdict_html
 from lab.views.figures import TimeAxis
 from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
@@ -135,24 +135,24 @@ def _plots(result: Result, shaded: Sequence[tuple[float, float]]) -> Iterator[tu
     axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
     axis.show_notes(shaded)
     if not result.missing_reason("errors"):
-        yield "Errors, with ±3σ of the filter", _drawn(ERRORS, axis, result)
-    yield "Innovations, with ±3σ of the filter", _drawn(INNOVATIONS, axis, result)
-    yield "Consistency, with the band of 95 % of a matched filter", _drawn(CONSISTENCY, axis, result)
-    yield "Biases: the estimate with ±3σ, and the truth", _drawn(SENSOR_ERRORS, axis, result)
+        yield "Errors, with ±3σ of the filter", _draw_figures(ERRORS, axis, result)
+    yield "Innovations, with ±3σ of the filter", _draw_figures(INNOVATIONS, axis, result)
+    yield "Consistency, with the band of 95 % of a matched filter", _draw_figures(CONSISTENCY, axis, result)
+    yield "Biases: the estimate with ±3σ, and the truth", _draw_figures(SENSOR_ERRORS, axis, result)
     track = TrackFigure()
     track.show(result, 0.0)
     track.figure.toolbar_location = None
-    yield "Path", [_sized(track.figure, 2 * LINE), *_drawn((HEIGHT[0], HEIGHT[2]), axis, result)]
+    yield "Path", [_set_height(track.figure, 2 * LINE), *_draw_figures((HEIGHT[0], HEIGHT[2]), axis, result)]
 
 
-def _drawn(plots: Sequence[TimePlot], axis: TimeAxis, result: Result) -> list[figure]:
+def _draw_figures(plots: Sequence[TimePlot], axis: TimeAxis, result: Result) -> list[figure]:
     """Return the figures of those plots that have something to show."""
     figures = TimeFigures(plots, axis, buckets=BUCKETS)
     figures.show(result)
-    return [_sized(fig) for fig in figures.figures if fig.visible]
+    return [_set_height(fig) for fig in figures.figures if fig.visible]
 
 
-def _sized(fig: figure, height: int = LINE) -> figure:
+def _set_height(fig: figure, height: int = LINE) -> figure:
     fig.update(sizing_mode=None, min_height=None, width=WIDTH, height=height, outline_line_color=None)
     fig.axis.minor_tick_line_color = None
     assert isinstance(fig.title, Title)
@@ -198,5 +198,5 @@ def _repetition(result: Result, facts: Mapping[str, Any]) -> str:
         f"<h2>Repeat this run</h2><p>{how} SHA-256 of the recording: "
         f"<code>{escape(result.mission.content_hash)}</code>.</p>"
         f'<pre id="settings">{escape(result.experiment.to_toml())}</pre>'
-        f'<pre id="origin">\n{escape(block_of(made))}</pre>'
+        f'<pre id="origin">\n{escape(facts_block(made))}</pre>'
     )

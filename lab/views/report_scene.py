@@ -77,7 +77,7 @@ def scene_html(result: Result) -> str:
     middle = (paths[0].min(axis=0) + paths[0].max(axis=0)) / 2
     extent = np.ptp(paths[0], axis=0)
     across, climb = max(float(np.hypot(*extent[:2])), 1.0), max(float(extent[2]), 1e-3)
-    factor = _rounded(max(1.0, FLATTEST * across / climb))
+    factor = _round_factor(max(1.0, FLATTEST * across / climb))
     scale = np.array([1.0, 1.0, factor]) * min(
         0.92 * WIDE / across, 1.2 * HIGH / (0.5 * across + factor * climb)
     )
@@ -93,7 +93,7 @@ def scene_html(result: Result) -> str:
         lines.append((result.truth_word, TRUTH, "1.4", "5 4", drawn[1]))
     svg = "".join(
         f'<polyline stroke="{colour}" stroke-width="{width}" stroke-dasharray="{dash}" '
-        f'points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in _seen(points))}"/>'
+        f'points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in _project_points(points))}"/>'
         for _, colour, width, dash, points in lines
     )
     words = ", ".join(
@@ -111,7 +111,7 @@ def scene_html(result: Result) -> str:
     )
 
 
-def _seen(points: FloatArray) -> FloatArray:
+def _project_points(points: FloatArray) -> FloatArray:
     """Return the places (n, 2) of points (n, 3), east, north, up, seen from the first direction."""
     east, north, up = points.T
     turned = east * np.cos(AZIMUTH) + north * np.sin(AZIMUTH)
@@ -129,5 +129,5 @@ def _metres(result: Result, position: FloatArray) -> FloatArray:
     return np.column_stack((*result.projection._replace(zone=0).project(position), position[:, 2]))
 
 
-def _rounded(factor: float) -> float:
+def _round_factor(factor: float) -> float:
     return float(f"{factor:.1g}") if factor > 1 else 1.0

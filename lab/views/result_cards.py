@@ -39,15 +39,15 @@ def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
         return _table(leaves)
     changed = [leaf for leaf in leaves if is_changed(leaf)]
     first = _table(changed) if changed else "<p>All settings have their default values.</p>"
-    return first if changed_only else first + _folded(leaves)
+    return first if changed_only else first + _fold_groups(leaves)
 
 
-def breakable(path: str) -> str:
+def breakable_path(path: str) -> str:
     """Return a dotted path as HTML that a narrow table may break after a dot and an underline."""
     return escape(path).replace(".", ".<wbr>").replace("_", "_<wbr>")
 
 
-def _folded(leaves: Sequence[Leaf]) -> str:
+def _fold_groups(leaves: Sequence[Leaf]) -> str:
     """Return a folded table for each group, with the number of its settings and of the changed ones."""
     groups: dict[str, list[Leaf]] = {}
     for leaf in leaves:
@@ -75,7 +75,7 @@ def _row(leaf: Leaf) -> str:
     parameter, value = owner.param[name], getattr(owner, name)
     style = _CHANGED if is_changed(leaf) else _LEFT
     texts = (value_text(parameter, value), describe(parameter), parameter.doc or "")
-    cells = (breakable(path), *(escape(text) for text in texts))
+    cells = (breakable_path(path), *(escape(text) for text in texts))
     styles = (style, style, _LEFT, _LEFT)
     return "".join(f'<td style="{s}">{cell}</td>' for s, cell in zip(styles, cells, strict=True))
 
@@ -136,5 +136,5 @@ def _datum_row(path: str, datum: Datum, *, assumed: bool) -> str:
     convention = f" ({datum.convention})" if datum.convention else ""
     source = f"{'assumed: ' if assumed else ''}{datum.source}"
     style = _QUIET if assumed else _LEFT_CELL
-    cells = (breakable(path), escape(number + convention), escape(source))
+    cells = (breakable_path(path), escape(number + convention), escape(source))
     return f"<tr>{''.join(f'<td {style}>{cell}</td>' for cell in cells)}</tr>"

@@ -56,7 +56,7 @@ class RollingFigures:
         self._drawn: list[RollingPlot] = []
         self.figures: list[figure] = []
 
-    def _hold(self, plots: Iterable[RollingPlot]) -> None:
+    def _hold_plots(self, plots: Iterable[RollingPlot]) -> None:
         """Hold the plots, made with the range and the parcel."""
         self._drawn = list(plots)
         self._ages = self._parcel.number(self._range)
@@ -106,7 +106,7 @@ class LiveErrorFigures(RollingFigures):
             for name, (unit, least, axes) in _PLOTS.items()
             for k, axis in enumerate(axes)
         }  # fmt: skip
-        self._hold(self._plots.values())
+        self._hold_plots(self._plots.values())
 
     def add(self, errors: LiveErrors, zero: float) -> None:
         """Append errors.
@@ -138,7 +138,7 @@ class LiveAttitudeFigures(RollingFigures):
     def __init__(self, window: float) -> None:
         super().__init__(window, "live attitude ages")
         legend = {label: (label,) for label in LABELS}
-        self._hold(
+        self._hold_plots(
             RollingPlot(
                 title, "°", LABELS, self._range, self._parcel, least=_LEAST, colours=_COLOURS, legend=legend
             )

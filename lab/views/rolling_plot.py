@@ -160,7 +160,7 @@ class RollingPlot:
             return
         rows = np.column_stack((time, values))
         if not self._are_points:
-            rows = self._interrupted(rows)
+            rows = self._break_at_gaps(rows)
         self._kept.append(rows)
         while len(self._kept) > 1 and self._kept[0][-1, 0] < time[-1] - window:
             self._kept.popleft()
@@ -168,7 +168,7 @@ class RollingPlot:
         self._parcel.stream(self._source, columns, int(window * _ROWS_PER_SECOND))
         self._fit()
 
-    def _interrupted(self, rows: FloatArray) -> FloatArray:
+    def _break_at_gaps(self, rows: FloatArray) -> FloatArray:
         """Return rows with one of NaN in the middle of each stretch of time that no line may cross."""
         before = self._kept[-1][-1, 0] if self._kept else rows[0, 0]
         steps = np.diff(rows[:, 0], prepend=before)

@@ -125,7 +125,7 @@ def assess(result: Result) -> Assessment:
         values |= _errors(result)
     if not result.missing_reason("coverage"):
         values[INSIDE] = float(result.coverage["within ±3σ [%]"].mean())
-    return Assessment(_known(values), {}, *_in_words(result.verdict), why)
+    return Assessment(_known_values(values), {}, *_in_words(result.verdict), why)
 
 
 def _errors(result: Result) -> dict[Column, float]:
@@ -146,7 +146,7 @@ def _errors(result: Result) -> dict[Column, float]:
     )
     return {
         RMS_POSITION: _rms(horizontal),
-        MOST_POSITION: _most(horizontal),
+        MOST_POSITION: _known_quantile(horizontal),
         OUTAGE_END: _rms(horizontal[ends]),
         RMS_HEIGHT: _rms(of("position", 2)),
         RMS_VELOCITY: velocity,
@@ -184,7 +184,7 @@ def assess_seeds(runs: Ensemble, wanted: int) -> Assessment:
     remark = f"{done} of {wanted} seeds" if done < wanted else ""
     lost = f"{len(runs.diverged)} diverged" if runs.diverged else ""
     return Assessment(
-        _known(values),
+        _known_values(values),
         {column: float(figures.std(ddof=1)) for column, figures in each.items()} if many else {},
         *_in_words(runs.verdict),
         remark=", ".join(filter(None, (remark, lost))),
@@ -195,7 +195,7 @@ def _in_words(verdict: Verdict) -> tuple[str, bool | None]:
     return verdict.headline, verdict.consistent
 
 
-def _known(values: Mapping[Column, float]) -> dict[Column, float]:
+def _known_values(values: Mapping[Column, float]) -> dict[Column, float]:
     return {column: value for column, value in values.items() if np.isfinite(value)}
 
 
@@ -210,7 +210,7 @@ def _root_sum(values: Sequence[float]) -> float:
     return float(np.sqrt(np.sum(np.square(values))))
 
 
-def _most(values: FloatArray) -> float:
+def _known_quantile(values: FloatArray) -> float:
     """Return the 95 % quantile of what is known."""
     known = values[np.isfinite(values)]
     return float(np.quantile(known, 0.95)) if known.size else float("nan")
@@ -250,7 +250,8 @@ def comparison_html(rows: Sequence[Row], baseline: str = "") -> str:
         peers = [one for one in rows if one.is_many == row.is_many]
         against = next((one for one in peers if one.name == baseline), peers[0])
         best = {
-            column: _best([one.found for one in peers if one.found is not None], column) for column in columns
+            column: _best_value([one.found for one in peers if one.found is not None], column)
+            for column in columns
         }
         cells = _cells(row.found, against.found, best)
         remark = row.found.remark if row.found is not None else ""
@@ -297,7 +298,7 @@ def _cells(
     return f'{"".join(cells)}<td class="words" title="{escape(found.verdict)}">{mark} {escape(words)}</td>'
 
 
-def _best(found: Sequence[Assessment], column: Column) -> str:
+def _best_value(found: Sequence[Assessment], column: Column) -> str:
     """Return the best value of a column as it is written; empty if all are written alike, or none is best."""
     values = [one.values[column] for one in found if column in one.values]
     texts = {f"{value:.3g}": value for value in values}

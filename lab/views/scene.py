@@ -42,10 +42,10 @@ def aircraft() -> trimesh.Trimesh:
     solids = [
         cabin,
         boom,
-        _flat(wing, level=-0.75, thickness=0.15),
-        _flat([(x, -y) for x, y in wing], level=-0.75, thickness=0.15),
-        _flat(tail, level=-0.1, thickness=0.1),
-        _flat([(x, -y) for x, y in tail], level=-0.1, thickness=0.1),
+        _flat_plate(wing, level=-0.75, thickness=0.15),
+        _flat_plate([(x, -y) for x, y in wing], level=-0.75, thickness=0.15),
+        _flat_plate(tail, level=-0.1, thickness=0.1),
+        _flat_plate([(x, -y) for x, y in tail], level=-0.1, thickness=0.1),
         np.array([(x, side, z) for x, z in fin for side in (-0.06, 0.06)]),
         np.array([(x, y, z) for y, z in propeller for x in (3.02, 3.05)]),
     ]
@@ -60,7 +60,7 @@ def _rings(stations: Sequence[tuple[float, float, float]]) -> np.ndarray:
     return np.array([(x, w * np.cos(a), h * np.sin(a)) for x, w, h in stations for a in angles])
 
 
-def _flat(outline: Sequence[tuple[float, float]], level: float, thickness: float) -> np.ndarray:
+def _flat_plate(outline: Sequence[tuple[float, float]], level: float, thickness: float) -> np.ndarray:
     """Return the corners of a flat plate over an outline in x and y."""
     return np.array([(x, y, level + z) for x, y in outline for z in (-thickness / 2, thickness / 2)])
 
@@ -182,7 +182,7 @@ class Scene:
         q_nb = self._result.solution_arrays.q_nb[index]
         attitude = _NED_TO_ENU * Rotation.from_quat(q_nb, scalar_first=True)
         with self._server.atomic():
-            self._aircraft.position = self._scaled(self._result.places(np.array([index])))[0]
+            self._aircraft.position = self._scale_positions(self._result.places(np.array([index])))[0]
             self._aircraft.wxyz = attitude.as_quat(scalar_first=True)
 
     def release(self) -> None:
@@ -202,12 +202,12 @@ class Scene:
         track = result.drawn_track.sel(path=path)
         return np.stack([track[name].values for name in ("easting", "northing", "height")], axis=-1)
 
-    def _scaled(self, enu: FloatArray) -> FloatArray:
+    def _scale_positions(self, enu: FloatArray) -> FloatArray:
         scaled: FloatArray = (enu - self._origin) * (_KILOMETRE * np.array([1, 1, self.exaggeration]))
         return scaled
 
     def _path(self, result: Result, path: str) -> FloatArray:
-        return self._scaled(self._enu(result, path))
+        return self._scale_positions(self._enu(result, path))
 
     def _draw_path(self, name: str, points: FloatArray, colour: str, thickness: float) -> None:
         kept = points[thin_path(points, SEGMENTS)].astype(np.float32)
@@ -219,7 +219,7 @@ class Scene:
     def _draw_fixes(self, result: Result) -> None:
         gps = result.gps
         enu = np.stack([gps[name].values for name in ("easting", "northing", "height")], axis=-1)
-        points = self._scaled(enu[np.isfinite(enu).all(axis=1)])
+        points = self._scale_positions(enu[np.isfinite(enu).all(axis=1)])
         self._server.scene.add_point_cloud(
             "/GPS fixes",
             points.astype(np.float32),
@@ -248,7 +248,7 @@ class Scene:
         if not len(chosen):
             return
         samples = np.minimum(np.searchsorted(result.time, times[chosen]), len(result.time) - 1)
-        centres = self._scaled(result.places(samples))
+        centres = self._scale_positions(result.places(samples))
         variances, axes = np.linalg.eigh(covariance)
         axes[np.linalg.det(axes) < 0, :, 0] *= -1
         size = SIGMAS * np.sqrt(np.maximum(variances, 0)) * _KILOMETRE * self.scale
@@ -332,7 +332,7 @@ def _rgb(colour: str) -> tuple[int, int, int]:
 
 def view3d(result: Result, *, dark: bool = True, height: int = 500) -> HtmlFrame:
     """Return the scene of a result; see `Result.view3d`."""
-    with _silence():
+    with _silence_viser():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
             page = Scene(server, result, dark=dark).as_html(dark=dark)
@@ -342,7 +342,7 @@ def view3d(result: Result, *, dark: bool = True, height: int = 500) -> HtmlFrame
 
 
 @contextmanager
-def _silence() -> Iterator[None]:
+def _silence_viser() -> Iterator[None]:
     """Keep viser from printing its address: nobody needs to look there."""
     console = rich.get_console()
     before, console.quiet = console.quiet, True

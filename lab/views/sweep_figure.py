@@ -79,7 +79,7 @@ def tests(data: xr.Dataset) -> list[Panel]:
     ]
 
 
-def labelled(words: str, unit: str) -> str:
+def label_with_unit(words: str, unit: str) -> str:
     """Return words with a unit in brackets, if there is one."""
     return f"{words} [{unit}]" if unit else words
 
@@ -162,7 +162,7 @@ def _curve(
         "expected": expected.values[known],
     }
     source = ColumnDataSource(about)
-    title = labelled(shown.title, shown.unit)
+    title = label_with_unit(shown.title, shown.unit)
     fig = plain_figure(
         f"{title}, {data.sizes['seed']} seeds" if data.sizes["seed"] > 1 else title,
         _label(setting),
@@ -211,7 +211,7 @@ def _map(data: xr.Dataset, shown: Panel, middle: xr.DataArray, present: dict[str
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     kind = LogColorMapper if finite.size and is_wide(finite) else LinearColorMapper
     colours = kind(palette=Viridis256, low=low, high=high if high > low else low + 1.0, nan_color=UNKNOWN)
-    title = labelled(shown.title, shown.unit)
+    title = label_with_unit(shown.title, shown.unit)
     fig = plain_figure(
         f"{title}, {data.sizes['seed']} seeds" if data.sizes["seed"] > 1 else title,
         _label(first),
@@ -233,7 +233,7 @@ def _map(data: xr.Dataset, shown: Panel, middle: xr.DataArray, present: dict[str
 
 
 def _label(setting: xr.DataArray) -> str:
-    return labelled(setting.attrs["long_name"], setting.attrs["units"])
+    return label_with_unit(setting.attrs["long_name"], setting.attrs["units"])
 
 
 def _scale(setting: xr.DataArray) -> str:

@@ -10,11 +10,11 @@ import holoviews as hv
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.views.mission_card import title_of
+from lab.views.mission_card import title_of_mission
 from lab.views.paper_figure import Layout
 from lab.views.plots import HEIGHT_PIXELS, WIDTH, columns, use_bokeh
 from lab.views.quantities import AXIS_COLOURS, FIXES, TRUTH
-from lab.views.sweep_figure import BAND, Panel, abscissa, is_text, is_wide, labelled, panel, tests
+from lab.views.sweep_figure import BAND, Panel, abscissa, is_text, is_wide, label_with_unit, panel, tests
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,8 +79,8 @@ def draw(one: Panel, data: xr.Dataset, swept: tuple[str, ...]) -> hv.Overlay:
     return hv.Overlay(layers).opts(
         width=WIDTH,
         height=HEIGHT_PIXELS,
-        title=labelled(one.title, one.unit),
-        xlabel=labelled(about["long_name"], about["units"]),
+        title=label_with_unit(one.title, one.unit),
+        xlabel=label_with_unit(about["long_name"], about["units"]),
         ylabel="",
         logx=is_wide(axis) and not is_text(data[first]),
         show_grid=True,
@@ -105,7 +105,7 @@ def curves(
         hv.Area((axis, low, high), x, [y, f"{one.title} high"], group=SPREAD).opts(
             color=colour, alpha=0.15, line_alpha=0
         ),
-        hv.Curve((axis, assumed), x, y, group=_expected(one)).opts(
+        hv.Curve((axis, assumed), x, y, group=_expected_label(one)).opts(
             color=colour if one.unit else TRUTH, line_dash="dashed", line_width=1.4
         ),
         hv.Curve((axis, mean), x, y, label=label, group=MEAN).opts(color=colour, line_width=2),
@@ -120,7 +120,7 @@ def marks(
     """Draw the same over values that are texts, between which there is nothing: no line joins them."""
     x, y = hv.Dimension("setting"), hv.Dimension(one.title, unit=one.unit or None)
     low, high = _band(runs)
-    assumed = hv.Scatter((axis, _means(one, expected)), x, y, group=_expected(one))
+    assumed = hv.Scatter((axis, _means(one, expected)), x, y, group=_expected_label(one))
     return [
         hv.Segments((axis, low, axis, high), [x, y, "setting too", f"{one.title} high"], group=SPREAD).opts(
             color=colour, alpha=0.3, line_width=6
@@ -130,7 +130,7 @@ def marks(
     ]
 
 
-def _expected(one: Panel) -> str:
+def _expected_label(one: Panel) -> str:
     """Return what the expected values are called in the legend of a printed figure."""
     return "σ of the filter" if one.unit else "expected value"
 
@@ -153,8 +153,8 @@ def sweep_html(sweep: Sweep) -> str:
     data, dims = sweep.dataset, sweep.dims
     panels = [panel(data, name) for name in DEFAULT]
     panels += tests(data)
-    heads = [labelled(data[dim].attrs["long_name"], data[dim].attrs["units"]) for dim in dims]
-    heads += [labelled(one.title, one.unit) for one in panels]
+    heads = [label_with_unit(data[dim].attrs["long_name"], data[dim].attrs["units"]) for dim in dims]
+    heads += [label_with_unit(one.title, one.unit) for one in panels]
     sizes = [data.sizes[dim] for dim in dims]
     rows = []
     for at in list(np.ndindex(*sizes))[:ROWS]:
@@ -166,7 +166,7 @@ def sweep_html(sweep: Sweep) -> str:
     more = f"<p>The first {ROWS} of {np.prod(sizes)} combinations.</p>" if np.prod(sizes) > ROWS else ""
     refused = "".join(f"<li>{escape(reason)}</li>" for reason in sweep.refused)
     return (
-        f"<h4>{escape(title_of(sweep.mission))}, {np.prod(sizes):.0f} combinations of values, "
+        f"<h4>{escape(title_of_mission(sweep.mission))}, {np.prod(sizes):.0f} combinations of values, "
         f"{data.sizes['seed']} seeds each</h4>"
         f'<div style="overflow-x:auto"><table><tr>{head}</tr>{body}</table></div>{more}'
         "<p>The value over all seeds; in brackets, 90 % of the runs are between these.</p>"

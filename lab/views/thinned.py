@@ -61,14 +61,14 @@ def thinned(
     columns: dict[Clock, dict[str, FloatArray]] = {}
     inside = {plot.name: Inside() for plot in plots}
 
-    def counted(clock: Clock, names: Sequence[str], values: Sequence[FloatArray], seen: slice) -> None:
+    def count_samples(clock: Clock, names: Sequence[str], values: Sequence[FloatArray], seen: slice) -> None:
         found = {name: one[seen] for name, one in zip(names, values, strict=True)}
         for plot in plots:
             if plot.clock == clock:
                 inside[plot.name] += plot.inside(found)
 
     for clock in clocks:
-        names = list(dict.fromkeys(name for plot in plots for name in columns_of(plot, clock)))
+        names = list(dict.fromkeys(name for plot in plots for name in find_columns(plot, clock)))
         times = _times(result, clock)
         if clock == "time" and getattr(result, "is_long", False):
             assert isinstance(result, Run)
@@ -77,21 +77,21 @@ def thinned(
                 first: int, last: int, run: Any = result, clock: Clock = clock, names: list[str] = names
             ) -> list[FloatArray]:
                 values = _part(plots, run, first, last)
-                counted(clock, names, values, slice(None))
+                count_samples(clock, names, values, slice(None))
                 return values
 
             time, values = envelope_in_parts(times, read, window, buckets, AT_ONCE)
         else:
             whole = _series(plots, result, clock)
             seen = slice(*np.searchsorted(times, window + np.array((0.0, 1e-9))).tolist())
-            counted(clock, names, whole, seen)
+            count_samples(clock, names, whole, seen)
             time, values = envelope(times, whole, window, buckets)
         named = zip(("time", *names), (time, *values), strict=True)
         columns[clock] = {name: series.astype(np.float32) for name, series in named}
-    return Thinned(columns, inside, _outside(plots, columns, buckets))
+    return Thinned(columns, inside, _values_outside(plots, columns, buckets))
 
 
-def columns_of(
+def find_columns(
     plot: TimePlot, clock: Clock, result: Result | Ensemble | None = None
 ) -> dict[str, FloatArray]:
     """Return the names of a plot's columns at a clock, with their samples if there is a result."""
@@ -107,7 +107,7 @@ def columns_of(
     return columns
 
 
-def _outside(
+def _values_outside(
     plots: Sequence[TimePlot], columns: dict[Clock, dict[str, FloatArray]], buckets: int
 ) -> dict[str, FloatArray]:
     """Return the values beyond ±3σ among thinned ones, at most two for each bucket.
@@ -144,7 +144,7 @@ def _series(plots: Sequence[TimePlot], result: Result | Ensemble, clock: Clock) 
     """Return all columns at a clock, besides the time."""
     columns: dict[str, FloatArray] = {}
     for plot in plots:
-        columns |= columns_of(plot, clock, result)
+        columns |= find_columns(plot, clock, result)
     return list(columns.values())
 
 

@@ -21,7 +21,7 @@ from lab.views.envelope import SMALLEST_DRAWN, FloatArray, limits
 from lab.views.figures import TimeAxis, hide, set_ordinate, time_figure
 from lab.views.legend import add_legend
 from lab.views.quantities import CURSOR, HELD, LETTERS
-from lab.views.thinned import Thinned, columns_of, thinned
+from lab.views.thinned import Thinned, find_columns, thinned
 from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, Interval, TimePlot
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class TimeFigures:
         self._sources: dict[Clock, Columns] = {}
         self._ready: tuple[ref[Result | Ensemble], tuple[float, float], Thinned] | None = None
         for clock in CLOCKS:
-            names = [name for plot in self.plots for name in columns_of(plot, clock)]
+            names = [name for plot in self.plots for name in find_columns(plot, clock)]
             if names:
                 self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")
         outside = [name for plot in self.plots for name in plot.outside]
@@ -151,7 +151,7 @@ class TimeFigures:
             series = {
                 name: columns[name]
                 for clock, columns in drawn.columns.items()
-                for name in columns_of(plot, clock)
+                for name in find_columns(plot, clock)
             }
             if plot.band is not None:
                 assert isinstance(fig.title, Title)
@@ -253,7 +253,7 @@ class _Layer:
         )
         self._sources: dict[Clock, Columns] = {}
         for clock in self.clocks:
-            names = dict.fromkeys(name for plot in plots for name in columns_of(plot, clock))
+            names = dict.fromkeys(name for plot in plots for name in find_columns(plot, clock))
             self._sources[clock] = Columns(("time", *names), f"held {slot} {clock}:{plots[0].name}")
         self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self._columns: dict[Clock, dict[str, FloatArray]] = {}

@@ -64,7 +64,7 @@ class SpectrumFigures:
 def promised_density(sensors: SensorSuite, triad: str, frequency: FloatArray) -> FloatArray:
     """Return the one-sided density (k, 3) expected from noise density, flicker and random walk, in SI units.
 
-    Rounding to steps is white noise, as in `lab.views.allan.promised`.
+    Rounding to steps is white noise, as in `lab.views.allan.expected_deviation`.
 
     Parameters
     ----------

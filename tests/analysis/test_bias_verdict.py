@@ -10,10 +10,10 @@ import pytest
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import Finding
-from lab.analysis.verdicts.run_evidence import reference_of
+from lab.analysis.verdicts.run_evidence import make_reference
 from lab.analysis.verdicts.selection import Explained
 from lab.analysis.verdicts.sensor_evidence import sensor_errors, spectrum
-from lab.analysis.verdicts.sensor_verdict import _stated, judge_sensors
+from lab.analysis.verdicts.sensor_verdict import _state_finding, judge_sensors
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -64,7 +64,7 @@ def judged(sensor: str, runs: list[Result], factor: float) -> list[Finding]:
         noise = run.belief.noise.copy()
         noise[rows] *= factor
         imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
-        parts.append(sensor_errors(run.belief._replace(noise=noise), imu, reference_of(run)))
+        parts.append(sensor_errors(run.belief._replace(noise=noise), imu, make_reference(run)))
     return [entry.finding for entry in judge_sensors(reduce(operator.add, parts))]
 
 
@@ -176,4 +176,4 @@ def test_the_size_of_a_cause_is_said_in_the_units_of_data_sheets(
     """Of a thousandth in SI units: 1e-3 rad/s are 0.0573 °/s, 1e-3 m/s² are 0.102 mg."""
     cause = Explained(name, 12.0, np.full((1, 2), 1e-3), np.full((1, 2), 1e-4))
     for sensor, (kind, size) in enumerate((("gyro", gyros), ("accelerometer", accelerometers))):
-        assert f" {size}" in _stated(cause, kind, sensor).finding.sentence
+        assert f" {size}" in _state_finding(cause, kind, sensor).finding.sentence

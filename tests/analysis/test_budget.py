@@ -20,7 +20,7 @@ from lab.analysis.error_sources import (
     GYRO,
     Constant,
     Process,
-    coupled,
+    coupled_source,
     flicker,
 )
 from lab.analysis.error_sources import initial as initial_columns
@@ -95,7 +95,7 @@ def sigmas(
     none = np.zeros((15, 1))
     constants = [*constants] or [Constant("none", none, np.zeros((1, 6, 6)))]
     constants = [source._replace(start=source.start[:15]) for source in constants]
-    epochs = budget.epochs_of(result)
+    epochs = budget.choose_epochs(result)
     variance = budget._Propagation(result, constants, list(processes)).run(epochs)
     return dict(zip(QUANTITIES, np.sqrt(variance.sum(axis=0)).T, strict=True))
 
@@ -135,13 +135,13 @@ def test_an_initial_velocity_error_becomes_a_position_error() -> None:
 
 def test_an_accelerometer_scale_factor_is_felt_along_gravity_only() -> None:
     t, s, g = 60.0, 1e-4, float(earth.gravity(np.sin(LATITUDE), 0.0))
-    scale = coupled("scale", slice(3, 6), slice(3, 6), s * np.eye(3)[None])
+    scale = coupled_source("scale", slice(3, 6), slice(3, 6), s * np.eye(3)[None])
     found = sigmas(at_rest(t), [scale])
     assert found["velocity up"][-1] == pytest.approx(s * g * t, rel=CLOSE)
     assert found["velocity north"][-1] < 1e-2 * found["velocity up"][-1]
     cross = np.zeros((1, 3, 3))
     cross[0, 0, 2] = s
-    found = sigmas(at_rest(t), [coupled("misalignment", slice(3, 6), slice(3, 6), cross)])
+    found = sigmas(at_rest(t), [coupled_source("misalignment", slice(3, 6), slice(3, 6), cross)])
     assert found["velocity north"][-1] == pytest.approx(s * g * t, rel=CLOSE)
 
 

@@ -37,7 +37,7 @@ def test_certain_states_are_left_out():
     P[:, 0, 0], P[:, 2, 2] = 4.0, 9.0
     v = np.tile((2.0, 0.0, 3.0, 0.0), (10, 1))
     assert np.allclose(consistency.normalised_squares(v, P), 2.0)
-    assert consistency.uncertain(P).tolist() == [0, 2]
+    assert consistency.find_uncertain_states(P).tolist() == [0, 2]
 
 
 def test_combinations_without_variance_are_left_out():

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lab.analysis.events import FAULTS, OUTAGE, REJECTED, SATURATED, Event, drawn, events
+from lab.analysis.events import FAULTS, OUTAGE, REJECTED, SATURATED, Event, events, merge_close_events
 from lab.analysis.observability import REST, manoeuvres
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -86,6 +86,6 @@ def test_manoeuvres_are_those_of_the_observability_without_the_level_stretches(e
 def test_a_lane_has_a_bounded_number_of_events() -> None:
     many = [Event(REJECTED, at, at, "rejected fix") for at in np.arange(0.0, 10_000.0, 2.0)]
     brief = [Event("right turn", at, at + 1.0, "a turn") for at in np.arange(0.0, 10_000.0, 2.0)]
-    found = drawn(brief + many, 10_000.0)
+    found = merge_close_events(brief + many, 10_000.0)
     assert [(one.start, one.end, one.words) for one in found] == [(0.0, 9998.0, "rejected fixes")]
-    assert len(drawn(many[::10], 10_000.0)) == len(many[::10])
+    assert len(merge_close_events(many[::10], 10_000.0)) == len(many[::10])

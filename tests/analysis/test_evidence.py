@@ -8,7 +8,7 @@ import pytest
 from lab.analysis.errors import error_state
 from lab.analysis.verdicts import hypotheses, imu_causes, innovation_evidence
 from lab.analysis.verdicts.evidence import BLOCKS, Reference, state_means, usage
-from lab.analysis.verdicts.run_evidence import evidence_of
+from lab.analysis.verdicts.run_evidence import collect_evidence
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, QUARTERS, Figure
 from lab.analysis.verdicts.sums import pseudoinverse
 from lab.analysis.verdicts.verdict import judge
@@ -124,14 +124,14 @@ def test_a_record_that_is_computed_in_parts_says_the_same(monkeypatch: pytest.Mo
     experiment = Experiment(mission="los_angeles")
     experiment.update({"trajectory.imu_rate": 50, "navigator.r_scale": 0.1})
     result = experiment.run()
-    whole = evidence_of(result, result.filtered).innovations
+    whole = collect_evidence(result, result.filtered).innovations
     assert whole.likelihoods.any()  # suspicious, so the response to all causes is sought
     solution = result.solution_arrays
     count = int(np.sum((solution.fix_sample >= 0) | solution.fix_rejected))
     monkeypatch.setattr(innovation_evidence, "LONGEST", count)
     monkeypatch.setattr(innovation_evidence, "steps", lambda *_: pytest.fail("all at once"))
     monkeypatch.setattr(imu_causes, "AT_ONCE", 7)
-    parts = evidence_of(result, result.filtered).innovations
+    parts = collect_evidence(result, result.filtered).innovations
     np.testing.assert_allclose(parts.causes.matrix, whole.causes.matrix, rtol=1e-9)
     np.testing.assert_allclose(parts.causes.vector, whole.causes.vector, rtol=1e-9)
     np.testing.assert_allclose(parts.likelihoods, whole.likelihoods, rtol=1e-9)

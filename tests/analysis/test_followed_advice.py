@@ -10,7 +10,7 @@ import re
 import numpy as np
 import pytest
 
-from lab.analysis.verdicts.trial import advised
+from lab.analysis.verdicts.trial import apply_changes
 from lab.experiment.result import Result
 from tests.benchmarks.faults import experiment
 
@@ -28,7 +28,7 @@ def run(seed: int, path: str, value: float) -> Result:
 def followed(before: Result) -> Result:
     """Return the run with the settings that the innovations of another advise."""
     (finding,) = before.innovation_verdict.findings
-    after = before.repeated(advised(before, finding.changes))
+    after = before.repeated(apply_changes(before, finding.changes))
     assert isinstance(after, Result)
     return after
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lab.analysis.verdicts.foreign_delay import fix_delay, of_delay
-from lab.analysis.verdicts.foreign_evidence import Measurement, measured
+from lab.analysis.verdicts.foreign_evidence import Measurement, measure_innovations
 from lab.base.arrays import FloatArray
 from lab.data.log.filter_log import Measured, innovations_of
 from lab.data.log.sensor_log import GnssLog
@@ -60,7 +60,7 @@ def innovations(
             variance=np.array(variances)[:, own],
         )  # fmt: skip
         assert one is not None
-        judged.append(measured(one))
+        judged.append(measure_innovations(one))
     ones = np.ones((len(TIME), 3))
     return judged, GnssLog(TIME, np.zeros_like(ones), fixes[:, 3:], ones, ones, np.zeros(3), 0.0)
 

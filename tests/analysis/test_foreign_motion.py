@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.analysis.verdicts.foreign_evidence import measured
+from lab.analysis.verdicts.foreign_evidence import measure_innovations
 from lab.analysis.verdicts.foreign_motion import heading_error, of_heading
-from lab.data.files.ardupilot import opened
+from lab.data.files.ardupilot import open_log
 from lab.data.files.streams import TIME as TIMES
 from lab.data.log.filter_log import Measured, innovations_of
 from lab.data.log.sensor_log import GnssLog
@@ -58,7 +58,7 @@ def innovations(
     gnss = GnssLog(
         TIME, np.zeros_like(three), three, np.ones_like(three), np.ones_like(three), np.zeros(3), 0.0
     )
-    return measured(one), gnss
+    return measure_innovations(one), gnss
 
 
 @pytest.mark.parametrize("degrees", [-30.0, 15.0])
@@ -103,7 +103,7 @@ def test_a_real_log_whose_simulator_logged_the_true_heading() -> None:
     path = Path(os.environ.get("INS_LAB_LOGS", ROOT.parent / "shared" / "logs")) / "copter_delorean_92.bin"
     if not path.is_file():
         pytest.skip("no real logs here: name their folder in INS_LAB_LOGS")
-    _, times = opened(path, ("ATT", "SIM"))
+    _, times = open_log(path, ("ATT", "SIM"))
     stated, truth = times.of("ATT"), times.of("SIM")
     assert stated is not None
     assert truth is not None

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis.verdicts.foreign_track import against, jumps
+from lab.analysis.verdicts.foreign_track import compare_positions, jumps
 from lab.analysis.verdicts.foreign_verdict import ForeignVerdict, judge_foreign
 from lab.data.log.filter_log import Event, FilterLog, Lane, Measured, Track, innovations_of
 from lab.data.log.sensor_log import GnssLog
@@ -188,7 +188,9 @@ def track(error: float, late: float = 0.0) -> Track:
 def test_positions_are_compared_in_the_sigma_of_both() -> None:
     gnss = fixes(0.0)
     near, far = (
-        against(track(error), "the fixes", TIME, gnss.position, gnss.position_sigma, gnss.velocity_n)
+        compare_positions(
+            track(error), "the fixes", TIME, gnss.position, gnss.position_sigma, gnss.velocity_n
+        )
         for error in (0.0, 10.0)
     )
     assert near is not None and far is not None
@@ -205,7 +207,7 @@ def test_a_different_clock_is_no_error_of_the_position() -> None:
     place = displaced(base, np.column_stack((way, nothing, nothing)))
     late = displaced(base, np.column_stack((way - 0.3 * gnss.velocity_n[:, 0], nothing, nothing)))
     one = Track(TIME, late, np.full((COUNT, 3), 0.2), "made")
-    found = against(one, "the fixes", TIME, place, np.full((COUNT, 3), 0.2), gnss.velocity_n)
+    found = compare_positions(one, "the fixes", TIME, place, np.full((COUNT, 3), 0.2), gnss.velocity_n)
     assert found is not None
     assert not found.weighed
     assert "-0.30 s between the clocks" in found.statement.evidence

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lab.analysis.gains import epochs_of, updates_of
+from lab.analysis.gains import choose_epochs, iterate_updates
 from lab.experiment.experiment import Experiment
 from lab.motion.frames import ecef
 
@@ -18,13 +18,13 @@ def test_gains_turn_the_attitude_as_far_as_the_filter_did(model: str, seed: int)
     experiment = Experiment(mission="los_angeles", seed=seed)
     experiment.set_texts(("navigator.attitude_sigma=[2,2,60]", f"navigator.model={model}"))
     result = experiment.run()
-    solution, epochs = result.solution_arrays, epochs_of(result)
+    solution, epochs = result.solution_arrays, choose_epochs(result)
     truth, ideal = result.true_flight("budget")
     place = np.column_stack((truth.latitude, truth.longitude))[epochs.sample]
     turns = {
         sample: update.turn
         for sample, fix, update in zip(
-            epochs.sample.tolist(), epochs.fix, updates_of(result, epochs, place), strict=True
+            epochs.sample.tolist(), epochs.fix, iterate_updates(result, epochs, place), strict=True
         )
         if fix >= 0 and update is not None
     }

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import brentq
 
 from lab import Experiment
-from lab.analysis.verdicts.finding import written
+from lab.analysis.verdicts.finding import format_number
 from lab.analysis.verdicts.likely_factor import LOSS, likely_factor
-from lab.analysis.verdicts.trial import advised
+from lab.analysis.verdicts.trial import apply_changes
 from lab.experiment.result import Result
 
 TRIED = 10.0 ** np.arange(-2, 3.5, 0.5)
@@ -95,8 +95,8 @@ def test_innovations_state_r_as_precisely_as_they_know_it(
         inside += low <= true <= high
         # A half-width of 1.96 σ: one of them beyond 4 σ is no chance.
         assert abs(np.log(finding.factor / true)) < 4 / 1.96 * np.log(high / low) / 2
-        assert f"about {written(finding.factor)} times too" in finding.sentence
+        assert f"about {format_number(finding.factor)} times too" in finding.sentence
     # Of eight, chance leaves out four or more of 95 % intervals one time in 2,700.
     assert inside >= len(findings) - 3
-    other = results[-1].repeated(advised(results[-1], findings[0].changes))
+    other = results[-1].repeated(apply_changes(results[-1], findings[0].changes))
     assert 0.8 < float(other.evidence.innovations.nis.mean) < 1.2

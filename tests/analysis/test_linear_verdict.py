@@ -13,7 +13,7 @@ from lab.analysis.verdicts.finding_table import LINEAR_MODEL
 from lab.analysis.verdicts.linear_verdict import judge
 from lab.analysis.verdicts.run_means import NEES
 from lab.analysis.verdicts.sums import Kept
-from lab.analysis.verdicts.trial import advised
+from lab.analysis.verdicts.trial import apply_changes
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -39,7 +39,7 @@ def test_a_start_that_is_too_uncertain_for_the_model_is_never_consistent(seed: i
         (finding,) = verdict.findings
         assert finding.quantity == LINEAR_MODEL
         assert finding.factor == pytest.approx(np.radians(60.0))
-        settings = advised(wide, finding.changes)
+        settings = apply_changes(wide, finding.changes)
         assert settings.navigator.model == "invariant"
     (remark,) = wide.remarks
     assert "invariant or nonlinear" in remark

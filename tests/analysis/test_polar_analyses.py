@@ -13,7 +13,7 @@ from lab.analysis.budget import error_budget
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.observability import observability
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.trial import advised
+from lab.analysis.verdicts.trial import apply_changes
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE
@@ -104,7 +104,7 @@ def test_the_drift_of_a_free_navigator_is_no_turn_of_north(tmp_path: Path) -> No
     """Free and corrected navigator are metres apart, and north at the pole differs by many degrees there."""
     settings = WANDER | LINEAR | {"navigator.correction": "feedforward"}
     flown = run(polar(tmp_path, "straight over the north pole"), **settings)
-    assert 0 < feedforward.drift_of(flown) < np.radians(0.2)
+    assert 0 < feedforward.largest_attitude_drift(flown) < np.radians(0.2)
     assert np.isfinite(error_budget(flown).total).all()
 
 
@@ -124,7 +124,7 @@ def test_a_small_drift_is_the_cause_where_no_other_explains_the_errors(tmp_path:
         assert free.free_run.drift < limits.VERDICT.free_attitude
         (finding,) = free.verdict.findings
         assert finding.quantity == "feedforward"
-        followed = free.repeated(advised(free, finding.changes))
+        followed = free.repeated(apply_changes(free, finding.changes))
         assert isinstance(followed, Result)
         assert followed.verdict.consistent
 

@@ -10,10 +10,10 @@ import pytest
 from lab.analysis.receiver_errors import (
     AxisErrors,
     FixSeries,
+    drop_outliers,
+    expected_squares,
     fit,
-    followed,
-    judged,
-    memory_of,
+    fit_memory,
     predict,
     quarters,
 )
@@ -131,7 +131,7 @@ def test_the_second_half_confirms_the_first() -> None:
     for seed in range(4):
         series = simulated(seed, slow=1.0)
         half = series.time.size // 2
-        seen = judged(series, fit(series.rows(slice(0, half))))
+        seen = drop_outliers(series, fit(series.rows(slice(0, half))))
         ratios.append(seen.nis[half:].sum() / seen.degrees[half:].sum())
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.05)
     assert np.abs(np.array(ratios) - 1).max() < 0.1
@@ -158,7 +158,7 @@ def test_outliers_are_left_out() -> None:
     series = simulated(5, outliers=12)
     found = fit(series)
     assert found.white[0] == pytest.approx(1.0, rel=0.08)
-    assert judged(series, found).outlier.sum() in range(10, 15)
+    assert drop_outliers(series, found).outlier.sum() in range(10, 15)
 
 
 def test_kinds_have_their_own_size() -> None:
@@ -180,17 +180,17 @@ def test_a_size_that_changes_is_followed_and_one_that_stays_is_confirmed() -> No
     rng = np.random.default_rng(1)
     degrees = np.full(2000, 2.0)
     same = (rng.normal(size=(2000, 2)) ** 2).sum(axis=1)
-    assert memory_of(same, degrees)[0] >= 40
+    assert fit_memory(same, degrees)[0] >= 40
     # The variance changes between a quarter and four times over 400 fixes.
     changing = same * np.exp(np.log(4) * np.sin(2 * np.pi * np.arange(2000) / 400))
-    memory, scale = memory_of(changing[:1000], degrees[:1000])
-    expected = scale * followed(changing, degrees, memory)
+    memory, scale = fit_memory(changing[:1000], degrees[:1000])
+    expected = scale * expected_squares(changing, degrees, memory)
     assert memory <= 20
     assert np.mean(changing[1000:] / expected[1000:]) / 2 == pytest.approx(1.0, abs=0.08)
     # Nothing of a fix is in what is expected of it.
     other = changing.copy()
     other[1500] = 1e3
-    np.testing.assert_array_equal(scale * followed(other, degrees, memory)[:1501], expected[:1501])
+    np.testing.assert_array_equal(scale * expected_squares(other, degrees, memory)[:1501], expected[:1501])
 
 
 @pytest.mark.parametrize("components", [2, 4])
@@ -200,8 +200,8 @@ def test_a_receiver_that_stays_is_confirmed_by_a_size_that_follows(components: i
     for seed in range(40):
         squares = np.random.default_rng(seed).chisquare(components, 500)
         squares /= np.mean(squares[:250]) / components
-        memory, scale = memory_of(squares[:250], degrees[:250])
-        expected = scale * followed(squares, degrees, memory)
+        memory, scale = fit_memory(squares[:250], degrees[:250])
+        expected = scale * expected_squares(squares, degrees, memory)
         found.append(np.mean(squares[250:] / expected[250:]) / components)
         fixed.append(np.mean(squares[250:]) / components)
     kept = [np.mean(np.abs(np.array(one) - 1) <= 0.1) for one in (found, fixed)]

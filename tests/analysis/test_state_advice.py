@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from lab.analysis.verdicts.advice_table import ADVICE
-from lab.analysis.verdicts.state_advice import of_simulated
-from lab.analysis.verdicts.trial import advised
+from lab.analysis.verdicts.state_advice import advise_simulated
+from lab.analysis.verdicts.trial import apply_changes
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -44,7 +44,7 @@ def followed(before: Result) -> Result:
     """Return the run with all advice on it that was tried."""
     changes = tuple(change for finding in before.tried_verdict.findings for change in finding.changes)
     assert changes
-    after = before.repeated(advised(before, changes))
+    after = before.repeated(apply_changes(before, changes))
     assert isinstance(after, Result)
     return after
 
@@ -127,7 +127,7 @@ def test_an_error_that_the_settings_hide_keeps_its_words(drifting):
         replace(one, advice=ADVICE["estimate the slow error"].text, changes=()) for one in found.findings
     )
     hidden = drifting[0].experiment.copy().update({"sensors.gps.correlated_sigma": 0.0})
-    (finding,) = of_simulated(replace(found, findings=silent), hidden, None).findings
+    (finding,) = advise_simulated(replace(found, findings=silent), hidden, None).findings
     assert (finding.advice, finding.changes) == (ADVICE["estimate the slow error"].text, ())
 
 

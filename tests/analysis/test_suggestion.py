@@ -12,11 +12,11 @@ import pytest
 from lab.analysis.verdicts import limits, suggestion
 from lab.analysis.verdicts.finding import Suggestion
 from lab.analysis.verdicts.suggestion import may_suggest
-from lab.analysis.verdicts.trial import advised
+from lab.analysis.verdicts.trial import apply_changes
 from lab.cli.run import verdict_text
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.live.live_verdict import batch_of
+from lab.live.live_verdict import run_batch
 from lab.missions.flight_import import read_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
@@ -60,7 +60,7 @@ def test_a_car_hears_of_no_slip_and_its_outages_end_closer(seed, tmp_path):
     assert result.tried_verdict.consistent
     assert result.tried_verdict.headline == result.verdict.headline
     assert [change.path for change in one.changes] == ["navigator.no_slip"]
-    better = advised(result, one.changes)
+    better = apply_changes(result, one.changes)
     before, after = at_the_ends(result.experiment), at_the_ends(better)
     print(f"\n{before:.1f} m, then {after:.1f} m")
     assert after < before / 1.5
@@ -76,7 +76,7 @@ def test_a_log_of_a_car_hears_of_it_too_unless_it_says_what_else_it_is(tmp_path)
     made = log_of(driven, tmp_path / "log")
     result = made.run()
     (one,) = suggested(result)
-    before, after = (at_the_ends(which, result.epoch) for which in (made, advised(result, one.changes)))
+    before, after = (at_the_ends(which, result.epoch) for which in (made, apply_changes(result, one.changes)))
     print(f"\n{before:.1f} m, then {after:.1f} m")
     assert after < before / 1.5
     for vehicle in ("boat", "aeroplane", "copter"):
@@ -96,7 +96,7 @@ def test_an_imu_ahead_of_the_rear_axle_gets_the_place_that_does_not_slip(seed, t
     (one,) = suggested(result)
     (place,) = (change.value for change in one.changes if change.path == "sensors.odometer.lever_arm")
     assert -3.0 < place[0] < -1.0
-    better = advised(result, one.changes)
+    better = apply_changes(result, one.changes)
     before, after = at_the_ends(made, result.epoch), at_the_ends(better, result.epoch)
     print(f"\n{place[0]} m; {before:.1f} m, then {after:.1f} m")
     assert after < before / 1.5
@@ -133,7 +133,7 @@ def test_a_real_copter_never_hears_of_it_even_as_an_unknown_vehicle(name, tmp_pa
         pytest.skip("no real logs here: name their folder in INS_LAB_LOGS")
     log = read_log([folder / name])
     log = replace(log, auxiliary=replace(log.auxiliary, vehicle=""))
-    assert not may_suggest(batch_of(log, SensorSuite(), NavigatorSettings()))
+    assert not may_suggest(run_batch(log, SensorSuite(), NavigatorSettings()))
 
 
 def test_wheels_without_a_gain_are_not_mentioned(tmp_path, monkeypatch):

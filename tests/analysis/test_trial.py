@@ -14,7 +14,7 @@ from lab.analysis.verdicts.trial import Figures
 from lab.experiment.ensembles.ensemble import TRIED
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
-from lab.navigation.checks import diverged
+from lab.navigation.checks import divergence_error
 
 OUTAGES = np.array([3.0, 4.0, 5.0, 4.0, 3.5, 4.5])
 BEFORE = Figures(nis=1.5, correlation=0.1, outages=OUTAGES, fixes=400)
@@ -30,22 +30,22 @@ BEFORE = Figures(nis=1.5, correlation=0.1, outages=OUTAGES, fixes=400)
     ],
 )
 def test_each_figure_can_veto(after, word):
-    assert word in trial.worsened(BEFORE, after)
+    assert word in trial.describe_worsened(BEFORE, after)
 
 
 def test_what_is_as_good_or_better_is_not_vetoed():
-    assert not trial.worsened(BEFORE, BEFORE)
-    assert not trial.worsened(BEFORE, Figures(1.0, 0.02, 0.7 * OUTAGES, 400))
+    assert not trial.describe_worsened(BEFORE, BEFORE)
+    assert not trial.describe_worsened(BEFORE, Figures(1.0, 0.02, 0.7 * OUTAGES, 400))
     short = BEFORE._replace(outages=np.zeros(0))
-    assert not trial.worsened(short, short)
+    assert not trial.describe_worsened(short, short)
 
 
 def test_what_chance_does_to_a_right_filter_is_not_vetoed():
     """200 fixes: NIS of a right filter varies by 4 %, its correlations by 7 %."""
     right = Figures(nis=1.0, correlation=0.05, outages=OUTAGES, fixes=200)
-    assert not trial.worsened(right, right._replace(nis=0.94, correlation=0.15))
-    assert "NIS" in trial.worsened(right, right._replace(nis=0.8))
-    assert "correlation" in trial.worsened(right, right._replace(correlation=0.25))
+    assert not trial.describe_worsened(right, right._replace(nis=0.94, correlation=0.15))
+    assert "NIS" in trial.describe_worsened(right, right._replace(nis=0.8))
+    assert "correlation" in trial.describe_worsened(right, right._replace(correlation=0.25))
 
 
 @pytest.mark.parametrize(
@@ -61,22 +61,22 @@ def test_what_chance_does_to_a_right_filter_is_not_vetoed():
 )
 def test_a_few_outages_show_a_gross_loss_only(factors, is_worse):
     before = BEFORE._replace(outages=np.full(len(factors), 5.0))
-    assert bool(trial.worsened(before, before._replace(outages=5.0 * np.array(factors)))) == is_worse
+    assert bool(trial.describe_worsened(before, before._replace(outages=5.0 * np.array(factors)))) == is_worse
 
 
 def test_an_outage_without_its_only_fix_is_not_compared():
     """Fixes 7 s apart: another latency moves them in and out of the outages."""
     known = BEFORE._replace(outages=np.array([4.0, np.nan, 5.0]))
-    assert not trial.worsened(known, BEFORE._replace(outages=np.array([np.nan, 4.0, 5.5, 3.0])))
-    assert not trial.worsened(known, BEFORE._replace(outages=np.array([np.nan, 40.0, np.nan])))
-    assert trial.worsened(known, BEFORE._replace(outages=np.array([40.0, np.nan, 50.0])))
+    assert not trial.describe_worsened(known, BEFORE._replace(outages=np.array([np.nan, 4.0, 5.5, 3.0])))
+    assert not trial.describe_worsened(known, BEFORE._replace(outages=np.array([np.nan, 40.0, np.nan])))
+    assert trial.describe_worsened(known, BEFORE._replace(outages=np.array([40.0, np.nan, 50.0])))
     experiment = Experiment(mission="montreal", seed=1)
     experiment.update({"sensors": {"gps": {"period": 7.0, "latency": 3.0}}, "navigator": {"latency": 0.0}})
     late = experiment.run()
     right = experiment.copy().update({"navigator": {"latency": 3.0}}).run()
     before, after = (trial.figures(run).outages for run in (late, right))
     assert (np.isnan(before) != np.isnan(after)).any()
-    assert "outages" not in trial.worsened(trial.figures(late), trial.figures(right))
+    assert "outages" not in trial.describe_worsened(trial.figures(late), trial.figures(right))
 
 
 @pytest.mark.proof
@@ -109,7 +109,7 @@ def test_changes_are_applied_to_what_the_filter_assumed():
         Change("navigator.q_scale", 3.0, times=True),
         Change("navigator.latency", 0.2),
     )
-    changed = trial.advised(result, changes)
+    changed = trial.apply_changes(result, changes)
     assert np.allclose(changed.navigator.r, np.diag(result.belief.R) * [1, 1, 1, 4, 4, 4])
     assert changed.navigator.q_scale == 3
     assert changed.navigator.latency == 0.2
@@ -120,7 +120,7 @@ def test_a_change_of_r_is_that_of_the_filter_whatever_its_factors():
     made = Experiment(mission="los_angeles", seed=1)
     made.update({"navigator": {"r_scale": 2.0, "r_factors": [10.0, 5.0, 3.0]}})
     result = made.run()
-    changed = trial.advised(result, (Change("navigator.r", 0.25, times=True, rows=(0, 3)),)).run()
+    changed = trial.apply_changes(result, (Change("navigator.r", 0.25, times=True, rows=(0, 3)),)).run()
     ratio = np.diag(changed.belief.R) / np.diag(result.belief.R)
     assert np.allclose(ratio, [0.25, 0.25, 0.25, 1.0, 1.0, 1.0])
 
@@ -133,7 +133,7 @@ def test_advice_that_is_right_is_given_with_what_it_brings():
     (finding,) = result.tried_verdict.findings
     assert finding.advice.startswith("Set navigator.latency to 0.30.")
     assert "Tried: NIS per degree of freedom" in finding.advice
-    followed = trial.advised(result, finding.changes)
+    followed = trial.apply_changes(result, finding.changes)
     assert followed.run().verdict.consistent
 
 
@@ -147,7 +147,7 @@ def test_advice_that_makes_the_prediction_worse_is_not_given(monkeypatch):
     (finding,) = verdict.findings
     spoilt = replace(verdict, findings=(replace(finding, changes=(wrong,)),))
     monkeypatch.setitem(result.__dict__, "verdict", spoilt)
-    (refused,) = trial.tried(result.verdict, [result]).findings
+    (refused,) = trial.try_advice(result.verdict, [result]).findings
     assert refused.counsel.startswith("No advice: the change that such a finding suggests was tried")
     assert not refused.changes
 
@@ -160,7 +160,7 @@ def test_advice_that_changes_nothing_is_not_given(monkeypatch):
     )
     monkeypatch.setattr(trial, "judge", lambda _evidence: Verdict("", (idle, twin), "1 run"))
     twin = replace(idle, quantity="P0 velocity")
-    first, second = trial.tried(Verdict("", (idle, twin), "1 run"), [result]).findings
+    first, second = trial.try_advice(Verdict("", (idle, twin), "1 run"), [result]).findings
     assert first.counsel.startswith("No advice: what such a finding suggests was tried")
     assert second.counsel == ""
     assert not first.changes
@@ -168,11 +168,11 @@ def test_advice_that_changes_nothing_is_not_given(monkeypatch):
 
 
 def test_a_figure_that_gets_better_is_a_gain():
-    assert not trial.improved(BEFORE, BEFORE)
-    assert trial.improved(BEFORE, BEFORE._replace(nis=1.1))
-    assert trial.improved(BEFORE, BEFORE._replace(correlation=0.02))
-    assert trial.improved(BEFORE, BEFORE._replace(outages=0.8 * OUTAGES))
-    assert not trial.improved(BEFORE, BEFORE._replace(outages=0.999 * OUTAGES))
+    assert not trial.has_improved(BEFORE, BEFORE)
+    assert trial.has_improved(BEFORE, BEFORE._replace(nis=1.1))
+    assert trial.has_improved(BEFORE, BEFORE._replace(correlation=0.02))
+    assert trial.has_improved(BEFORE, BEFORE._replace(outages=0.8 * OUTAGES))
+    assert not trial.has_improved(BEFORE, BEFORE._replace(outages=0.999 * OUTAGES))
 
 
 def test_a_start_that_is_told_rightly_is_a_gain_though_no_figure_shows_it():
@@ -202,12 +202,12 @@ def test_a_flight_that_diverges_without_its_fixes_still_has_its_advice_tried(mon
     """Its error across outages is infinite: any finite one is better, and it is worse than any."""
     before = trial.Figures(1.0, 0.0, np.full(2, np.inf), 600.0)
     finite = before._replace(outages=np.array([3.0, 2.0]))
-    assert trial.worsened(before, finite) == ""
-    assert "without bound" in trial.worsened(finite, before)
+    assert trial.describe_worsened(before, finite) == ""
+    assert "without bound" in trial.describe_worsened(finite, before)
     result = Experiment(mission="los_angeles").run()
 
     def repeated(_experiment):
-        raise diverged("the numbers are not usable")
+        raise divergence_error("the numbers are not usable")
 
     monkeypatch.setitem(result.__dict__, "repeated", repeated)
     assert (trial.held_out(result) == np.inf).all()
@@ -232,10 +232,10 @@ def test_what_one_fault_hides_of_another_is_tried_together() -> None:
     assert all("Tried, all advice together: NIS" in finding.advice for finding in verdict.findings)
     before = trial.figures(result)
     changes = tuple(change for finding in verdict.findings for change in finding.changes)
-    after = trial.figures(trial.advised(result, changes).run())
+    after = trial.figures(trial.apply_changes(result, changes).run())
     assert abs(np.log(after.nis)) < abs(np.log(before.nis)) / 2
     latency = next(finding for finding in verdict.findings if finding.quantity == "GPS latency")
-    assert trial.worsened(before, trial.figures(trial.advised(result, latency.changes).run()))
+    assert trial.describe_worsened(before, trial.figures(trial.apply_changes(result, latency.changes).run()))
 
 
 @pytest.mark.proof
@@ -248,7 +248,7 @@ def test_advice_on_many_runs_is_tried_on_the_first_of_them() -> None:
     assert {change.rows for change in changes} == {(0, 3), (3, 6)}
     runs = [experiment.copy().update({"seed": seed}).run() for seed in range(3, 3 + TRIED)]
     before = np.mean([trial.figures(run).nis for run in runs])
-    after = np.mean([trial.figures(trial.advised(run, changes).run()).nis for run in runs])
+    after = np.mean([trial.figures(trial.apply_changes(run, changes).run()).nis for run in runs])
     for finding in findings:
         assert f"NIS per degree of freedom {before:.2f}, then {after:.2f}" in finding.advice
     assert abs(np.log(after)) < abs(np.log(before)) / 4

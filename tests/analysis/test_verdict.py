@@ -23,7 +23,7 @@ from lab.analysis.verdicts import fix_evidence as module
 from lab.analysis.verdicts.evidence import Evidence, Reference, evidence
 from lab.analysis.verdicts.fix_evidence import RATIOS, TIMES
 from lab.analysis.verdicts.innovation_evidence import offered
-from lab.analysis.verdicts.innovation_verdict import Explanation, _preferred
+from lab.analysis.verdicts.innovation_verdict import Explanation, _order_explanations
 from lab.analysis.verdicts.outliers import outliers
 from lab.analysis.verdicts.sums import Kept
 from lab.analysis.verdicts.verdict import judge
@@ -249,7 +249,7 @@ def test_the_response_of_the_innovations_is_that_of_the_filter_itself():
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
     seen, samples = offered(solution, result.fixes, imu)
     motion = fix_causes.motion_at_fixes(solution, samples, imu)
-    causes = fix_causes.causes_of(motion)
+    causes = fix_causes.error_per_cause(motion)
     gains = fix_causes.gains(solution, seen)
     response = fix_causes.response(gains, solution, result.belief, seen, samples, imu.time, motion, causes)
     begin = start(result.truth_arrays, result.experiment.navigator, 2)
@@ -399,4 +399,4 @@ def test_numbers_of_a_diverged_filter_are_written_as_people_write_them():
 def test_an_r_too_large_by_decades_is_not_preferred_to_correlated_fixes(size: float, first: str) -> None:
     """Few fixes with correlated errors have small innovations; a smaller R would follow these errors."""
     explained = [Explanation("GPS correlation", "GPS", 100.0, 1.0), Explanation("R", "GPS", 97.0, size)]
-    assert _preferred(explained)[0].name == first
+    assert _order_explanations(explained)[0].name == first

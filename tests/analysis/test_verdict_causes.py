@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.analysis.verdicts.pattern import BINS, binned, channel, stretch
-from lab.analysis.verdicts.selection import select
+from lab.analysis.verdicts.pattern import BINS, bin_squares, channel, stretch
+from lab.analysis.verdicts.selection import select_causes
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.analysis.verdicts.true_motion import Reference, exact
 from lab.analysis.verdicts.verdict import judge
@@ -184,14 +184,14 @@ def test_scale_times_bias_is_no_noise_to_a_filter_with_scale_states():
 
 def test_a_stretch_is_found_and_a_single_fix_is_none():
     values, times = RNG.normal(0, 1, (400, 6)), np.arange(400.0)
-    assert stretch(binned(values, times, (0.0, 400.0)), 0) is None
+    assert stretch(bin_squares(values, times, (0.0, 400.0)), 0) is None
     values[200, :3] = 30.0
-    assert stretch(binned(values, times, (0.0, 400.0)), 0) is None
+    assert stretch(bin_squares(values, times, (0.0, 400.0)), 0) is None
     values[100:140, :3] *= 3
-    found = stretch(binned(values, times, (0.0, 400.0)), 0)
+    found = stretch(bin_squares(values, times, (0.0, 400.0)), 0)
     assert (found.first * 400 / BINS, found.last * 400 / BINS) == (100, 140)
     assert float(found.squares.mean) == pytest.approx(9, rel=0.3)
-    assert stretch(binned(values, times, (0.0, 400.0)), 1) is None
+    assert stretch(bin_squares(values, times, (0.0, 400.0)), 1) is None
 
 
 def test_a_channel_is_named_only_if_the_others_are_right():
@@ -208,11 +208,11 @@ def test_selection_takes_the_true_cause_of_two_that_resemble_each_other():
     values = 0.8 * other + RNG.normal(0, 1, 500)
     A = np.stack((one, other), axis=1)
     fit = Fit((A.T @ A)[None], (A.T @ values)[None], np.array(values @ values))
-    (found,) = select(fit, {"one": [0], "other": [1]}, 10.0)
+    (found,) = select_causes(fit, {"one": [0], "other": [1]}, 10.0)
     assert found.name == "other"
     assert found.estimate[0, 0] == pytest.approx(0.8, abs=5 * found.sigma[0, 0])
     nothing = Fit(fit.matrix, (A.T @ RNG.normal(0, 1, 500))[None], fit.squares)
-    assert select(nothing, {"one": [0], "other": [1]}, 10.0) == []
+    assert select_causes(nothing, {"one": [0], "other": [1]}, 10.0) == []
 
 
 @pytest.mark.parametrize("name", ["ADIS16488", "OpenIMU300ZA"])

@@ -14,7 +14,7 @@ import numba
 import pytest
 
 from lab.base.compiling import generated_module
-from lab.base.compiling.generated_module import VERSIONS, generated_folder, module_of
+from lab.base.compiling.generated_module import VERSIONS, generated_folder, load_module
 
 NUMBERS = count()
 
@@ -34,12 +34,12 @@ def text() -> str:
 
 def test_a_module_is_in_a_file_and_made_once(folder: Path) -> None:
     words = text()
-    module = module_of("written", words)
+    module = load_module("written", words)
     assert module.answer() == 42
     (file,) = folder.glob("*.py")
     assert Path(str(module.__file__)) == file
     assert file.read_text("utf-8") == words
-    assert module_of("written", words) is module
+    assert load_module("written", words) is module
     alone = subprocess.run(
         [sys.executable, "-c", f"import {module.__name__} as it; print(it.answer())"],
         env={"PYTHONPATH": str(folder)},
@@ -52,7 +52,7 @@ def test_a_module_is_in_a_file_and_made_once(folder: Path) -> None:
 @pytest.mark.parametrize("found", ["empty", "foreign", "link", "folder"])
 def test_what_else_is_there_is_never_executed(folder: Path, found: str, tmp_path: Path) -> None:
     words, trap = text(), "raise SystemExit('executed')"
-    name = module_of("written", words).__name__
+    name = load_module("written", words).__name__
     del sys.modules[name]
     (file,) = folder.glob("*.py")
     target = tmp_path / "target"
@@ -67,7 +67,7 @@ def test_what_else_is_there_is_never_executed(folder: Path, found: str, tmp_path
     cached = folder / "__pycache__" / f"{file.stem}.{sys.implementation.cache_tag}.pyc"
     cached.parent.mkdir(exist_ok=True)
     cached.write_bytes(b"not read either")
-    assert module_of("written", words).answer() == 42
+    assert load_module("written", words).answer() == 42
     if found != "folder":
         assert not file.is_symlink()
         assert file.read_text("utf-8") == words
@@ -78,7 +78,7 @@ def test_what_else_is_there_is_never_executed(folder: Path, found: str, tmp_path
 def test_without_a_folder_a_module_is_in_memory(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.joinpath("file").touch()
     monkeypatch.setattr(generated_module, "_folders", lambda: iter([folder.parent / "file" / "within"]))
-    module = module_of("unwritten", text())
+    module = load_module("unwritten", text())
     assert module.answer() == 42
     assert "return 42" in inspect.getsource(module.answer)
     assert not folder.exists()
@@ -90,7 +90,7 @@ def test_a_folder_that_cannot_be_written_is_passed_over(
     tmp_path.joinpath("file").touch()
     other = tmp_path / "other"
     monkeypatch.setattr(generated_module, "_folders", lambda: iter([tmp_path / "file" / "within", other]))
-    assert Path(str(module_of("written", text()).__file__)).parent == other
+    assert Path(str(load_module("written", text()).__file__)).parent == other
 
 
 def test_a_disk_that_becomes_full_does_no_harm(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,12 +98,12 @@ def test_a_disk_that_becomes_full_does_no_harm(folder: Path, monkeypatch: pytest
         raise OSError("no space left on device")
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    assert module_of("unwritten", text()).answer() == 42
+    assert load_module("unwritten", text()).answer() == 42
 
 
 def test_only_the_last_versions_are_kept(folder: Path) -> None:
-    stems = [module_of("versions", text()).__name__ for _ in range(VERSIONS + 2)]
-    module_of("versions_of_another", text())
+    stems = [load_module("versions", text()).__name__ for _ in range(VERSIONS + 2)]
+    load_module("versions_of_another", text())
     kept = {path.stem for path in folder.glob("versions_*.py")}
     assert stems[-1] in kept
     assert len(kept) == VERSIONS + 1

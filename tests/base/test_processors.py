@@ -12,7 +12,7 @@ import pytest
 from lab import Experiment
 from lab.base.processors import processors, system_text
 from lab.experiment.ensembles import seeds, sweeping
-from lab.experiment.ensembles.seeds import memory_of, run_ensemble, thread_count
+from lab.experiment.ensembles.seeds import estimate_memory, run_ensemble, thread_count
 from lab.run import memory
 
 
@@ -98,7 +98,7 @@ def test_runs_at_once_fit_into_the_memory(there: int, expected: int, monkeypatch
     """Of 410,000 samples, with some 200 MB; a run that does not fit alone refuses that itself."""
     experiment = Experiment(mission="montreal").update({"trajectory.imu_rate": 2000.0})
     monkeypatch.setattr(memory, "available", lambda: there)
-    needed = memory_of(experiment)
+    needed = estimate_memory(experiment)
     assert needed == pytest.approx(0.19e9, rel=0.2)
     assert memory.at_once(needed, 4) == expected
 
@@ -116,7 +116,7 @@ def test_an_ensemble_and_a_sweep_run_as_many_at_once_as_fit(monkeypatch: pytest.
     monkeypatch.setattr(sweeping, "ThreadPoolExecutor", Pool)
     monkeypatch.setattr(memory, "ALWAYS", 2**40)  # no single run is refused
     values = {"sensors.gyro.noise_density": [[0.01] * 3, [0.1] * 3]}
-    for there in (memory.available(), int(2.5 * memory_of(experiment) / memory.SPARE)):
+    for there in (memory.available(), int(2.5 * estimate_memory(experiment) / memory.SPARE)):
         monkeypatch.setattr(memory, "available", lambda there=there: there)
         run_ensemble(experiment, 2, workers=4)
         experiment.sweep(values, 1, workers=4)
@@ -129,10 +129,10 @@ def test_the_largest_run_of_a_sweep_has_to_fit(values: list[int], monkeypatch: p
     sizes = []
     monkeypatch.setattr(sweeping, "at_once", lambda needed, wanted: sizes.append(needed) or wanted)
     experiment.sweep({"navigator.states": values}, 1, workers=1)
-    assert sizes == [memory_of(experiment.update({"navigator.states": 21}))]
+    assert sizes == [estimate_memory(experiment.update({"navigator.states": 21}))]
 
 
 def test_a_refused_run_needs_no_memory() -> None:
     experiment = Experiment(mission="montreal")
     experiment.mission = "nowhere"
-    assert memory_of(experiment) == 0
+    assert estimate_memory(experiment) == 0

@@ -21,10 +21,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from lab.analysis.budget import sigma_of_quantities
-from lab.analysis.errors import errors_of
+from lab.analysis.errors import compute_errors
 from lab.base.arrays import FloatArray
 from lab.base.processors import processors
-from lab.experiment.ensembles.outage_blocks import Block, blocks_of
+from lab.experiment.ensembles.outage_blocks import Block, plan_blocks
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import at_fast_rate
 from lab.experiment.experiment import Experiment
@@ -50,7 +50,7 @@ def at_ends(card: Card, mission: str, seeds: int, *, drawn: bool) -> FloatArray:
     loaded = at_fast_rate(loaded)
     flight = SensorStages(loaded, mission_named(mission)).kept_flight()
     receiver, step = loaded.sensors.gps, 1 / float(loaded.trajectory.imu_rate)
-    navigator, blocks = chosen_model(loaded.navigator).blocks, blocks_of(loaded, SECONDS, _numbers(seeds))
+    navigator, blocks = chosen_model(loaded.navigator).blocks, plan_blocks(loaded, SECONDS, _numbers(seeds))
 
     def of_block(block: Block) -> FloatArray:
         end = block.begin + SECONDS
@@ -65,7 +65,7 @@ def at_ends(card: Card, mission: str, seeds: int, *, drawn: bool) -> FloatArray:
             sigma = sigma_of_quantities(
                 euler_from_quaternion(one.q_nb), one.variance, one.covariance, navigator
             )
-            errors = errors_of(one.position, one.velocity_n, one.q_nb, flight.truth.taken(sample))
+            errors = compute_errors(one.position, one.velocity_n, one.q_nb, flight.truth.taken(sample))
             found.append(np.concatenate((errors, sigma[:, :9])))
         return np.stack(found, axis=1)
 

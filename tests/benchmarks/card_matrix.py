@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.consistency import normalised_squares, uncertain
+from lab.analysis.consistency import find_uncertain_states, normalised_squares
 from lab.analysis.errors import error_state
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
@@ -61,7 +61,7 @@ def measured(experiment: Experiment) -> Run:
     used = solution.fix_sample >= 0
     x, P = errors_at(result, solution.fix_sample[used]), solution.fix_covariance[used]
     return Run(
-        float(normalised_squares(x, P).mean()) / uncertain(P).size,
+        float(normalised_squares(x, P).mean()) / find_uncertain_states(P).size,
         float(np.sqrt(np.mean(np.sum(x[:, :3] ** 2, axis=1)))),
         result.seconds,
         [finding.quantity for finding in result.verdict.findings],

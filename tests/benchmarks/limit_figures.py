@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import lab
-from lab.analysis.consistency import normalised_squares, uncertain
+from lab.analysis.consistency import find_uncertain_states, normalised_squares
 from lab.base.arrays import FloatArray
 from lab.experiment.result import Result
 from lab.motion.recordings.flight_csv import write_flight_csv
@@ -50,7 +50,7 @@ def nees(result: Result, states: Sequence[slice], times: Sequence[float] = ()) -
     for part in states:
         own = P[:, part, part]
         squares = normalised_squares(np.ascontiguousarray(x[:, part]), np.ascontiguousarray(own))
-        found.append(squares / max(uncertain(own).size, 1))
+        found.append(squares / max(find_uncertain_states(own).size, 1))
     return np.array(found) if times else np.mean(found, axis=1)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from lab.analysis.verdicts.verdict import Verdict
 from lab.base.files.mission_error import MissionError
-from lab.live.live_verdict import verdict_of
+from lab.live.live_verdict import judge_stream
 from lab.missions import mission, read_sensor_log
 from lab.motion.truth.trajectory import Trajectory
 from lab.navigation.settings import NavigatorSettings
@@ -180,7 +180,7 @@ def verdict(log: Tables, toml: str | None = None) -> Verdict | MissionError:
             read = read_sensor_log(str(write(Path(folder) / "log", log, toml)))
         except MissionError as error:
             return error
-    return verdict_of(read, SensorSuite(), NavigatorSettings())
+    return judge_stream(read, SensorSuite(), NavigatorSettings())
 
 
 def main(arguments: list[str]) -> None:

@@ -21,7 +21,7 @@ from typing import cast
 
 import numpy as np
 
-from lab.analysis.identification.factors import scaled
+from lab.analysis.identification.factors import scale_noise
 from lab.analysis.identification.identify import LARGEST_PART, SETTLING
 from lab.analysis.identification.renavigation import Subject, subject
 from lab.analysis.identification.withheld import held_out, outages
@@ -96,7 +96,7 @@ def report(mission: Mission) -> None:
         )
     changes = tuple(change for finding in result.tried_verdict.findings for change in finding.changes)
     if changes:
-        advised = trial.advised(result, changes)
+        advised = trial.apply_changes(result, changes)
         words = ", ".join(finding.quantity for finding in result.tried_verdict.findings if finding.changes)
         print(f"  advice on {words} followed: {errors.of(advised) / base:.2f} times")
     found = result.identify()
@@ -104,7 +104,7 @@ def report(mission: Mission) -> None:
     grid = []
     for r, q in product(ON_R, ON_Q):
         try:
-            grid.append(errors.of(scaled(plain, r, q)))
+            grid.append(errors.of(scale_noise(plain, r, q)))
         except ValueError:  # beyond the bounds, or it diverges
             continue
     best = np.nanmin(grid)

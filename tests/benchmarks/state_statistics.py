@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lab
-from lab.analysis.consistency import normalised_squares, uncertain
+from lab.analysis.consistency import find_uncertain_states, normalised_squares
 from lab.analysis.errors import error_state
 from lab.experiment.result import Result
 from lab.navigation.filters import blocks
@@ -114,12 +114,12 @@ def squares(result: Result) -> tuple[float, float, float, float]:
     if result.blocks:
         own = (
             normalised_squares(x[:, further], P[:, further, further]).mean()
-            / uncertain(P[:, further, further]).size
+            / find_uncertain_states(P[:, further, further]).size
         )
     aids = np.nan
     if result.aids.time.size:
         aids = float(np.nanmean(solution.aid_innovation**2 / solution.aid_variance))
-    nees = normalised_squares(x, P).mean() / uncertain(P).size
+    nees = normalised_squares(x, P).mean() / find_uncertain_states(P).size
     return float(nees), float(own), float(result.innovations["nis"].mean()) / 6, aids
 
 

@@ -7,7 +7,7 @@ import time
 import pytest
 from live_streams import fixes, motion
 
-from lab.data.protocols.catalogue import DECODERS, ENCODERS, decoder_of
+from lab.data.protocols.catalogue import DECODERS, ENCODERS, make_decoder
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(600)]
 
@@ -20,7 +20,7 @@ def spent(name: str, frames: list[bytes]) -> float:
     """Return the processor time for each piece [s], least of three."""
     times = []
     for _ in range(3):
-        decoder = decoder_of(name)
+        decoder = make_decoder(name)
         begun = time.process_time()
         for frame in frames:
             decoder.feed(frame)

@@ -15,7 +15,7 @@ import pytest
 from played_phone import JSON, batch, request, untrusting
 
 from lab.data.protocols.phone import PhoneDecoder
-from lab.data.protocols.samples import joined
+from lab.data.protocols.samples import join_samples
 from lab.live.phone.hub import PhoneHub
 from lab.live.phone.server import PhoneServer
 
@@ -86,6 +86,6 @@ def test_twenty_phones(tmp_path: Path) -> None:
         phones.join(60)
         assert phones.exitcode == 0
     for found in parts:
-        np.testing.assert_array_equal(joined(found).imu["count"], np.arange(60 * SECONDS))
+        np.testing.assert_array_equal(join_samples(found).imu["count"], np.arange(60 * SECONDS))
     print(f"\n{PHONES} phones at 60 Hz: {100 * part:.0f} % of a core, with the decoders")
     assert part <= BOUND

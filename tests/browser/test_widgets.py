@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashboards.covariance_field import CovarianceField
-from dashboards.field_text import parsed, shown
+from dashboards.field_text import parse_field, shown
 from dashboards.query import experiment_of_query, query
 from dashboards.settings_panel import matched_variances
 from dashboards.widgets import NumberField, Scale, TextField, field
@@ -99,7 +99,9 @@ def test_what_is_shown_reads_back() -> None:
         made.show(declaration.default)
         if isinstance(made, TextField):
             text = shown(declaration.default)
-            assert parsed(declaration, text) == (declaration.default or parsed(declaration, "")), path
+            assert parse_field(declaration, text) == (declaration.default or parse_field(declaration, "")), (
+                path
+            )
         assert asked == [], path
 
 
@@ -176,14 +178,14 @@ def test_settings_of_a_link_that_are_wrong_are_ignored_in_plain_words() -> None:
     [("60-75", [(60, 75)]), ("60–75, 120.5-130", [(60, 75), (120.5, 130)]), ("", [])],
 )
 def test_outages_as_people_write_them(text: str, value: list[tuple[float, float]]) -> None:
-    assert parsed(LEAVES["sensors.gps.outages"], text) == value
+    assert parse_field(LEAVES["sensors.gps.outages"], text) == value
 
 
 def test_variances_as_people_write_them() -> None:
     declaration = LEAVES["navigator.r"]
-    assert parsed(declaration, "") is None
-    assert parsed(declaration, "1 1 1 0.5 0.5 0.5") == (1, 1, 1, 0.5, 0.5, 0.5)
-    assert parsed(declaration, " ".join(["1"] * 36)) == ((1,) * 6,) * 6
+    assert parse_field(declaration, "") is None
+    assert parse_field(declaration, "1 1 1 0.5 0.5 0.5") == (1, 1, 1, 0.5, 0.5, 0.5)
+    assert parse_field(declaration, " ".join(["1"] * 36)) == ((1,) * 6,) * 6
 
 
 def test_the_address_holds_what_differs_from_the_defaults() -> None:

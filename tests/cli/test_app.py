@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from asking import ask, process, refused
 
-from lab.base.plain_data import plain
+from lab.base.plain_data import to_plain_data
 from lab.cli.app import COMMANDS
 
 
@@ -174,9 +174,9 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
 
 
 def test_numbers_json_does_not_know_are_null() -> None:
-    assert plain(math.nan) is None
-    assert plain(1.5) == 1.5
-    assert plain("m") == "m"
+    assert to_plain_data(math.nan) is None
+    assert to_plain_data(1.5) == 1.5
+    assert to_plain_data("m") == "m"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")

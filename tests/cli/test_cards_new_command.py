@@ -16,7 +16,7 @@ from asking import RUN_SECONDS, ask, refused
 
 from lab.cli.new_card import interview
 from lab.sensors import cards
-from lab.sensors.data_sheet import asked
+from lab.sensors.data_sheet import asked_terms
 
 SHEET = (
     *("--grade", "consumer", "--source", "sheet, rev. 2"),
@@ -97,13 +97,13 @@ def test_a_wrong_answer_is_asked_again_until_it_is_right_or_empty(capsys: pytest
     said = capsys.readouterr().err
     for words in ("needs its name", "'furlongs' is no unit"):
         assert words in said
-    assert len(questions) == 8 + len(asked("gyro")) + len(asked("accelerometer")) + 1
+    assert len(questions) == 8 + len(asked_terms("gyro")) + len(asked_terms("accelerometer")) + 1
 
 
 def test_a_person_at_a_terminal_is_asked(tmp_path: Path) -> None:
     """In a process of its own, on a terminal: answers, and an end in the middle that writes nothing."""
     out = tmp_path / "mine.toml"
-    rest = len(asked("gyro")) + len(asked("accelerometer")) - 2
+    rest = len(asked_terms("gyro")) + len(asked_terms("accelerometer")) - 2
     answers = ["Mine", "", "own", "sheet, rev. 1", "2000 dps", "3.8 mdps/sqrt(Hz)", *[""] * rest]
     said = _at_a_terminal([*answers, "y"], str(out))
     assert "Noise density" in said

@@ -18,7 +18,7 @@ from stopping import cannot_stop, stopped
 from lab import Experiment
 from lab.base.parameters.toml_file import toml_text
 from lab.cli.app import CommandError
-from lab.cli.sweep import parts_of, range_of, values_of
+from lab.cli.sweep import parse_range, parse_values, split_values
 from lab.sensors.cards import card
 
 SLOW = ("--set", "trajectory.imu_rate=50")
@@ -29,7 +29,7 @@ NUMBERS = st.floats(1e-6, 1e6)
 def test_a_range_has_its_ends_and_equal_distances(low: float, high: float, count: int) -> None:
     if low == high:
         return
-    values = range_of("a.b", f"{low!r}:{high!r}:{count}")
+    values = parse_range("a.b", f"{low!r}:{high!r}:{count}")
     assert len(values) == count
     assert (values[0], values[-1]) == (low, high)
     # Fourteen digits are kept: each value is off by 5e-14 of itself at most, and a difference has two.
@@ -40,16 +40,16 @@ def test_a_range_has_its_ends_and_equal_distances(low: float, high: float, count
 def test_a_logarithmic_range_has_its_ends_and_equal_ratios(low: float, high: float, count: int) -> None:
     if low == high:
         return
-    values = range_of("a.b", f" {low!r} : {high!r} : log : {count} ")
+    values = parse_range("a.b", f" {low!r} : {high!r} : log : {count} ")
     assert len(values) == count
     assert (values[0], values[-1]) == (low, high)
     assert np.ptp(np.diff(np.log(values))) <= 2.1e-13 * max(1.0, abs(math.log(high / low)))
 
 
 def test_a_range_has_the_numbers_that_a_person_would_write() -> None:
-    assert range_of("a", "0:1:11") == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
-    assert range_of("a", "0.01:100:log:5") == [0.01, 0.1, 1.0, 10.0, 100.0]
-    assert range_of("a", "2:1:3") == [2.0, 1.5, 1.0]
+    assert parse_range("a", "0:1:11") == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
+    assert parse_range("a", "0.01:100:log:5") == [0.01, 0.1, 1.0, 10.0, 100.0]
+    assert parse_range("a", "2:1:3") == [2.0, 1.5, 1.0]
 
 
 TEXTS = st.text(
@@ -61,8 +61,8 @@ TEXTS = st.text(
     st.lists(st.one_of(TEXTS, st.lists(TEXTS, min_size=1).map(lambda one: f"[{','.join(one)}]")), min_size=1)
 )
 def test_commas_separate_values_and_not_what_is_inside_a_list(values: list[str]) -> None:
-    assert parts_of("a.b", ",".join(values)) == values
-    assert parts_of("a.b", " , ".join(f'"{value}"' for value in values)) == values
+    assert split_values("a.b", ",".join(values)) == values
+    assert split_values("a.b", " , ".join(f'"{value}"' for value in values)) == values
 
 
 @given(st.text(max_size=30))
@@ -70,24 +70,24 @@ def test_any_text_is_a_list_of_values_or_refused_in_words(text: str) -> None:
     """Whatever is written after --over, the answer is values, or a message."""
     for path in ("navigator.q_scale", "sensors.gps.outages", "navigator.model", "mission"):
         try:
-            assert isinstance(values_of(Experiment(), path, text), list)
+            assert isinstance(parse_values(Experiment(), path, text), list)
         except ValueError as error:  # `SettingError` and `CommandError` are some
             assert "--over" in str(error)
     try:
-        assert all(map(math.isfinite, range_of("a.b", text)))
+        assert all(map(math.isfinite, parse_range("a.b", text)))
     except CommandError as error:
         assert str(error).startswith("--over a.b")
 
 
 def test_colons_and_commas_in_quotes_may_be_in_the_name_of_a_mission() -> None:
-    found = values_of(Experiment(), "mission", 'C:\\flight.csv,"a, b.csv"')
+    found = parse_values(Experiment(), "mission", 'C:\\flight.csv,"a, b.csv"')
     assert found == ["C:\\flight.csv", "a, b.csv"]
 
 
 def test_values_are_read_as_by_set() -> None:
-    assert values_of(Experiment(), "navigator.states", "15,21") == [15, 21]
-    assert values_of(Experiment(), "navigator.smoother", "true, false") == [True, False]
-    assert values_of(Experiment(), "sensors.gps.outages", "[[60, 70], [80, 90]],[]") == [
+    assert parse_values(Experiment(), "navigator.states", "15,21") == [15, 21]
+    assert parse_values(Experiment(), "navigator.smoother", "true, false") == [True, False]
+    assert parse_values(Experiment(), "sensors.gps.outages", "[[60, 70], [80, 90]],[]") == [
         [[60, 70], [80, 90]],
         [],
     ]

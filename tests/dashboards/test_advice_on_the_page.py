@@ -29,7 +29,7 @@ def applied(walk: Walk, made: Experiment) -> Experiment:
     walk.open("Verdict")
     page = walk.shown
     assert page._follow.visible
-    page._followed()
+    page._follow_advice()
     return walk.page.session.experiment
 
 

@@ -127,7 +127,7 @@ def test_rows_follow_the_settings_and_old_ones_are_marked_until_then(walk: Walk)
     choose(walk, "All error models")
     before = value(walk, "psi", 0)
     with set_curdoc(walk._document):
-        page(walk)._outdate()  # as when a run begins
+        page(walk)._end_outdated_work()  # as when a run begins
     assert page(walk)._table.styles == compare.PALE
     assert OLD in walk.text()
     run(walk, navigator__r_scale=0.01)

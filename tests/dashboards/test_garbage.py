@@ -119,12 +119,12 @@ def search_from(root: list[object]) -> None:
     """Search from what a list holds, and nobody else."""
     # In a thread of its own: a browser of other tests may leave a loop running in this one.
     with ThreadPoolExecutor(1) as thread:
-        thread.submit(lambda: asyncio.run(garbage.search_from(root))).result()
+        thread.submit(lambda: asyncio.run(garbage.collect_from(root))).result()
 
 
 def test_what_lives_is_not_searched() -> None:
     living = [Link() for _ in range(1000)]
-    garbage.keep()
+    garbage.freeze_objects()
     searched = gc.get_objects()
     assert not any(isinstance(one, Link) for one in searched)
     assert len(searched) < len(living)
@@ -135,7 +135,7 @@ def test_what_an_ended_page_leaves_is_found_without_a_search_through_others() ->
     others = {id(other), id(vars(other))}
     page = [Link([Link() for _ in range(2 * garbage.AT_ONCE)], needed)]
     left = ref(page[0])
-    garbage.keep()
+    garbage.freeze_objects()
     search_from(page)
     assert left() is None
     assert needed.itself is needed
@@ -145,9 +145,9 @@ def test_what_an_ended_page_leaves_is_found_without_a_search_through_others() ->
 def test_what_is_still_needed_is_found_later() -> None:
     page = Link()
     left = ref(page)
-    garbage.keep()
+    garbage.freeze_objects()
     search_from([page])
-    garbage.keep()
+    garbage.freeze_objects()
     assert left() is page
     pages: list[object] = [page]
     del page
@@ -159,7 +159,7 @@ def test_what_is_still_needed_is_found_later() -> None:
 def test_a_search_of_everything_finds_the_rest() -> None:
     page = Link()
     left = ref(page)
-    garbage.keep()
+    garbage.freeze_objects()
     del page
     gc.collect()
     assert left() is not None

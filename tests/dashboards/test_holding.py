@@ -12,7 +12,7 @@ import pytest
 from panel.io.state import set_curdoc
 from walking import TITLES, Walk, walking
 
-from dashboards.holding import AS_DELIVERED, LONGEST_NAME, is_renamed, name_of, named
+from dashboards.holding import AS_DELIVERED, LONGEST_NAME, describe_differences, is_renamed, name_held
 from dashboards.query import View, query_of_view, view_of_query
 from dashboards.session import MOST_HELD, Held
 from lab.classroom.lessons.lesson_file import read_lesson
@@ -51,17 +51,20 @@ def layers(walk: Walk) -> list[bool]:
 
 def test_a_result_is_named_by_what_differs() -> None:
     made = Experiment()
-    assert name_of(made) == AS_DELIVERED
+    assert describe_differences(made) == AS_DELIVERED
     made.set("navigator.q_scale", 0.1)
-    assert name_of(made) == "Q scale 0.1"
+    assert describe_differences(made) == "Q scale 0.1"
     made.set("seed", 7)
-    assert set(name_of(made).split(", ")) == {"Q scale 0.1", "Seed 7"}
+    assert set(describe_differences(made).split(", ")) == {"Q scale 0.1", "Seed 7"}
     made.set("navigator.r_scale", 2.0)
-    assert name_of(made).endswith(", 1 more")
+    assert describe_differences(made).endswith(", 1 more")
     other = Experiment().update({"sensors.gps.position_variance": 0.49})
-    assert (name_of(other), name_of(other, sigmas=True)) == ("Position variance 0.49", "Position σ 0.7")
+    assert (describe_differences(other), describe_differences(other, sigmas=True)) == (
+        "Position variance 0.49",
+        "Position σ 0.7",
+    )
     hidden = Experiment(mission="<b>")
-    assert name_of(hidden) == "<b>"
+    assert describe_differences(hidden) == "<b>"
 
 
 @pytest.mark.parametrize("card", [None, "ADIS16470"])
@@ -73,15 +76,15 @@ def test_held_results_are_named_by_what_tells_them_apart(card: str | None) -> No
     held = []
     for q_scale in (1.0, 0.1, 0.5):
         made.set("navigator.q_scale", q_scale)
-        held.append(Held(name_of(made), SimpleNamespace(experiment=made.copy())))  # type: ignore[arg-type]
-    names = [one.name for one in named(held, sigmas=True)]
+        held.append(Held(describe_differences(made), SimpleNamespace(experiment=made.copy())))  # type: ignore[arg-type]
+    names = [one.name for one in name_held(held, sigmas=True)]
     assert len(set(names)) == 3
     assert [name.split(", ")[0] for name in names[1:]] == ["Q scale 0.1", "Q scale 0.5"]
     experiments = [one.result.experiment for one in held]
     assert not any(map(is_renamed, experiments, names))
     assert all(map(is_renamed, experiments, reversed([f"{name} " for name in names])))
     mine = held[0]._replace(name="mine")
-    assert named([mine, held[1]], sigmas=True)[0].name == "mine"
+    assert name_held([mine, held[1]], sigmas=True)[0].name == "mine"
 
 
 def test_lists_of_settings_name_variances_as_their_fields_do(walk: Walk) -> None:
@@ -201,7 +204,7 @@ def test_a_name_is_no_markup_in_the_table(walk: Walk) -> None:
 def test_an_older_lesson_or_link_that_names_its_page_opens_the_comparison(
     walk: Walk, tmp_path: Path, title: str
 ) -> None:
-    walk.page._go_to(title, None)
+    walk.page._open_page_at(title, None)
     assert walk.title == "Compare"
     assert view_of_query(f"tab={title}", TITLES) == (View(tab="Compare"), [])
     old = tmp_path / "old.toml"

@@ -11,7 +11,7 @@ import pytest
 from bokeh.document import Document
 from writers.nmea import sentence
 
-from dashboards.pages.missions.draft import Draft, fine
+from dashboards.pages.missions.draft import Draft, describe_fine_samples
 from dashboards.pages.missions.import_fields import ColumnField
 from dashboards.session import Session
 from lab.data.files.profile import read_profile
@@ -203,4 +203,6 @@ def test_what_the_table_does_not_offer_is_no_answer(
 
 
 def test_samples_without_a_fault_are_counted() -> None:
-    assert fine(np.arange(1963) / 10) == "The file looks fine: 1,963 samples at 10 Hz, 196 s."
+    assert (
+        describe_fine_samples(np.arange(1963) / 10) == "The file looks fine: 1,963 samples at 10 Hz, 196 s."
+    )

@@ -50,7 +50,7 @@ class Opened:
                 self.document.remove_next_tick_callback(callback)
                 work()
         if self.page._periodic is not None:
-            self.page._tick()
+            self.page._refresh_page()
 
     def until(self, happened: Callable[[], bool]) -> None:
         """Run the page until something has happened."""

@@ -21,7 +21,7 @@ from dashboards.pages.live.live import ALLAN, AXES, ERRORS, PLOTS, SLOWEST, TWIN
 from lab.base.parameters.toml_file import parse_toml
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.source_status import LOST
-from lab.live.live_errors import joined
+from lab.live.live_errors import join_errors
 from lab.sensors.cards import read_cards
 from tests.dashboards.test_live_page import Opened, wait_until_nothing_is_left
 
@@ -198,7 +198,7 @@ def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
         return len(drawn) > 20
 
     one.until(rows_came)
-    found = joined(list(part._recent))
+    found = join_errors(list(part._recent))
     roll, sigma = found.attitude[:, 0], found.attitude_sigma[:, 0]
     nearest = np.abs(np.subtract.outer(drawn, np.degrees(roll))).min(axis=1)
     assert nearest.max() < 1e-5  # the page gets six digits of an error of some tenths of a degree
@@ -293,10 +293,10 @@ def test_a_browser_that_is_behind_gets_the_next_update_later(
     carrier.data = {"what": ["not yet taken"]}
     page._waited = 0
     for _ in range(SLOWEST - 1):
-        page._tick()
+        page._refresh_page()
     assert updates == 0
-    page._tick()  # after a second, whatever the browser does
+    page._refresh_page()  # after a second, whatever the browser does
     assert updates == 1
     carrier.data = {"what": []}  # as the browser confirms
-    page._tick()
+    page._refresh_page()
     assert updates == 2

@@ -159,7 +159,7 @@ def test_an_ended_page_is_freed_once_no_other_waits_to_open() -> None:
         turns = Openings()
         page = Ended()
         left = ref(page)
-        garbage.keep()
+        garbage.freeze_objects()
         turns.let_go(page, Document())
         del page
         for _ in range(3):
@@ -181,7 +181,7 @@ def test_an_ended_page_that_is_still_in_use_is_freed_later(monkeypatch: pytest.M
         left = ref(page)
         await turns._search([page], 1.0)
         assert left() is page
-        garbage.keep()
+        garbage.freeze_objects()
         del page
         gc.collect()
         assert left() is not None

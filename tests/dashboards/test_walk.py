@@ -241,7 +241,7 @@ def test_the_advice_for_a_heading_that_is_too_uncertain_is_applied(walk: Walk) -
     page = walk.shown
     assert "Tried: " in walk.text()
     assert page._follow.visible
-    page._followed()
+    page._follow_advice()
     changed = walk.page.session.experiment
     assert changed.navigator.model == "invariant"
     assert changed.copy().update({"navigator.model": "phi"}).to_dict() == wide.to_dict()

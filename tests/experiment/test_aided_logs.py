@@ -22,7 +22,7 @@ from sensor_logs import (
 )
 
 from lab import Experiment, ResultError
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.experiment.log_run import OF_FURTHER_STATES, has_effect
 from lab.missions import MissionError, read_sensor_log
 from lab.missions.library import delete_mission
@@ -288,7 +288,7 @@ def test_what_the_navigation_depends_on_is_never_taken_from_a_run_with_other_set
     for states in ("misalignments", "g_sensitivity", "bias_drift", "gps_drift", "lever_arm", "latency"):
         base.set(f"navigator.estimate_{states}", True)
     base.update({"navigator": {"states": 21, "model": "nonlinear"}})  # its one kernel has all blocks
-    log = piece(read_sensor_log(folder), EPOCH + 80.0, EPOCH + 92.0)
+    log = cut_section(read_sensor_log(folder), EPOCH + 80.0, EPOCH + 92.0)
     # The receiver's own σ would replace the variances of the settings.
     log.gnss.position_sigma[:], log.gnss.velocity_sigma[:] = np.nan, np.nan
 

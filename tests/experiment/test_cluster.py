@@ -450,10 +450,10 @@ def test_what_cannot_leave_this_process_is_refused_in_words() -> None:
 def test_a_parcel_is_refused_by_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sent = Parcel.of([short()])
     assert sent.digest == Parcel.of([short()]).digest != Parcel.of([short(seed=2)]).digest
-    assert sent.unpacked(tmp_path) is sent.unpacked(tmp_path)
+    assert sent.unpack(tmp_path) is sent.unpack(tmp_path)
     monkeypatch.setattr(parcel_module, "versions", lambda: {**sent.versions, "numpy": "1.0"})
     with pytest.raises(VersionError, match=r"numpy 1\.0 in place of"):
-        sent.unpacked(tmp_path)
+        sent.unpack(tmp_path)
 
 
 def test_workers_of_other_hosts_keep_their_compiled_code_apart(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -82,7 +82,7 @@ def test_the_time_does_not_count_what_was_compiled_before(
 ) -> None:
     CACHE.clear()
     with monkeypatch.context() as slow:
-        slow.setattr("lab.experiment.stages.timed", lambda navigate: (navigate(), 99.0))
+        slow.setattr("lab.experiment.stages.time_navigation", lambda navigate: (navigate(), 99.0))
         assert experiment.run().seconds == 99
     (row,) = compare(experiment, ["phi"])
     assert 0 < row.seconds < 60

@@ -19,13 +19,13 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import StoppedError
 from lab.experiment.ensembles.collected import Collected
 from lab.experiment.ensembles.ensemble import QUANTITIES, Ensemble
-from lab.experiment.ensembles.run_at_fixes import kept_of
+from lab.experiment.ensembles.run_at_fixes import keep_values
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE
 from lab.experiment.variants import compile_lanes
-from lab.navigation.checks import DivergedError, diverged
+from lab.navigation.checks import DivergedError, divergence_error
 
 SEEDS = 40
 
@@ -157,7 +157,7 @@ def test_a_run_that_did_not_use_a_fix_has_a_gap_there() -> None:
     short = Experiment(mission="los_angeles")
     gap = Experiment(mission="los_angeles")
     gap.set("sensors.gps.outages", [[9.5, 12.5]])
-    runs = [kept_of(short.run()), kept_of(gap.run())]
+    runs = [keep_values(short.run()), keep_values(gap.run())]
     for order in (runs, runs[::-1]):  # the epochs of the second run are new, or are not
         collected = Collected()
         for run in order:
@@ -283,7 +283,7 @@ def test_runs_that_diverge_are_left_out_and_named(monkeypatch: pytest.MonkeyPatc
 
     def run_or_diverge(experiment: Experiment, *arguments: Any, **options: Any) -> Result:
         if experiment.seed % 2 == 0:
-            raise diverged("the numbers are not usable from t = 3 s on")
+            raise divergence_error("the numbers are not usable from t = 3 s on")
         return run(experiment, *arguments, **options)
 
     monkeypatch.setattr(Experiment, "run", run_or_diverge)

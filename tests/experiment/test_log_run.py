@@ -18,7 +18,7 @@ from lab.missions import MissionError, mission, read_sensor_log
 from lab.motion.frames.rotation import wrap
 from lab.navigation.algorithm import Estimate
 from lab.navigation.log_navigation import navigate_log
-from lab.run.log_reference import differences, reference_at
+from lab.run.log_reference import differences, interpolate_reference
 
 
 def experiment(folder, **settings):
@@ -256,7 +256,7 @@ def test_reference_between_its_rows():
     there, truth = trajectory().at(rows), trajectory().at(times)
     position = np.stack((there.latitude, there.longitude, there.height), axis=-1)
     given = Reference(rows, position, there.velocity_n, there.euler)
-    made = reference_at(given, times)
+    made = interpolate_reference(given, times)
     inside = (times >= 60) & (times <= 79)
     np.testing.assert_array_equal(np.isfinite(made.latitude), inside)
     np.testing.assert_allclose(made.height[inside], truth.height[inside], atol=0.05)
@@ -264,19 +264,19 @@ def test_reference_between_its_rows():
     np.testing.assert_allclose(wrap(made.euler[inside] - truth.euler[inside]), 0, atol=np.radians(1.5))
     late = rows > 65.5
     kept = (rows < 63.5) | late
-    gappy = reference_at(
+    gappy = interpolate_reference(
         Reference(*(part[kept] for part in (rows, position, there.velocity_n, there.euler))), times
     )
     hole = (times > 63.001) & (times < 65.999)
     assert np.isnan(gappy.latitude[hole]).all()
     assert np.isfinite(gappy.latitude[inside & ~hole & (np.abs(times - 64.5) > 1.6)]).all()
-    unknown = reference_at(
+    unknown = interpolate_reference(
         given.__class__(rows, position, np.full((20, 3), np.nan), np.full((20, 3), np.nan)), times
     )
     assert np.isnan(unknown.velocity_n).all()
     assert np.isnan(unknown.q_nb).all()
     assert np.isfinite(unknown.latitude[inside]).all()
-    assert reference_at(given, times + 1000) is None
+    assert interpolate_reference(given, times + 1000) is None
 
 
 def test_a_log_is_found_by_its_path_in_settings(folder):

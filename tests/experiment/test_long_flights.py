@@ -16,7 +16,7 @@ from lab import Experiment
 from lab.analysis import consistency, fix_causes, observability
 from lab.analysis.verdicts import imu_causes, true_motion
 from lab.analysis.verdicts.innovation_evidence import offered
-from lab.analysis.verdicts.run_evidence import evidence_of
+from lab.analysis.verdicts.run_evidence import collect_evidence
 from lab.base import histories
 from lab.cli import app
 from lab.experiment import sensor_stages, stages
@@ -324,7 +324,7 @@ def test_a_plot_of_a_long_flight_holds_no_history(everything_is_long: None) -> N
 STEPS: dict[str, tuple[Callable[[Result], object], int]] = {
     # Bytes per sample: found, and with whole histories at once.
     "summary": (tables.summary, 27),  # 23, 31
-    "evidence": (lambda result: evidence_of(result, result.filtered, explain=False), 175),  # 62, 393
+    "evidence": (lambda result: collect_evidence(result, result.filtered, explain=False), 175),  # 62, 393
     "true bias": (lambda result: result.true_bias, 60),  # 48, 96
     "manoeuvres": (lambda result: observability.manoeuvres(result.flown), 40),  # 30, 56
     "budget": (lambda result: result.budget, 43),  # 33, 52

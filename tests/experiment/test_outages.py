@@ -11,11 +11,11 @@ import pytest
 from lab import Experiment, SettingError, card
 from lab.base.progress import StoppedError
 from lab.experiment.ensembles import outages
-from lab.experiment.ensembles.outage_blocks import Block, blocks_of, errors_in, times_since
-from lab.experiment.ensembles.outages import matched, perfect_of
+from lab.experiment.ensembles.outage_blocks import Block, errors_in, plan_blocks, times_since
+from lab.experiment.ensembles.outages import match_filter, perfect_filter_errors
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import at_fast_rate
-from lab.experiment.outage_table import OutageErrors, OutageRow, OutageTable, believed_radius, fewest
+from lab.experiment.outage_table import OutageErrors, OutageRow, OutageTable, believed_radius, fewest_values
 from lab.navigation.checks import DivergedError
 
 SECONDS = 20.0
@@ -78,7 +78,7 @@ def test_runs_abreast_are_single_runs(name):
 def test_begins_are_spread_evenly_over_the_usable_part():
     experiment = made()
     duration = float(experiment.run().time[-1])
-    blocks = blocks_of(experiment, SECONDS, range(1, 101))
+    blocks = plan_blocks(experiment, SECONDS, range(1, 101))
     begins = np.array([block.begin for block in blocks])
     assert [seed for block in blocks for seed in block.seeds] == list(range(1, 101))
     assert len(blocks) == 13
@@ -89,14 +89,14 @@ def test_begins_are_spread_evenly_over_the_usable_part():
     gaps = np.diff(np.concatenate(([settled], begins, [duration - SECONDS])))
     assert np.allclose(gaps[1:-1], gaps[1:-1].mean(), atol=1.01)
     assert gaps[[0, -1]].max() < gaps.mean()
-    later = np.array([block.begin for block in blocks_of(experiment, SECONDS, range(101, 201), turn=1)])
+    later = np.array([block.begin for block in plan_blocks(experiment, SECONDS, range(101, 201), turn=1)])
     assert np.abs(later[:, None] - begins).min() >= 1
-    assert len(blocks_of(experiment, SECONDS, range(20))) == 20
+    assert len(plan_blocks(experiment, SECONDS, range(20))) == 20
 
 
 def test_the_last_fix_is_at_the_begin_and_none_is_used_until_the_end():
     experiment = made(sensors__gps__period=0.4, sensors__gps__latency=0.3)
-    (block,) = blocks_of(experiment, SECONDS, [4])
+    (block,) = plan_blocks(experiment, SECONDS, [4])
     since = times_since(SECONDS)
     errors = errors_in(experiment, block, since)
     solution = experiment.copy()
@@ -145,7 +145,7 @@ def test_a_matched_filter_gains_nothing_from_tuning_and_a_wrong_one_does():
 def test_the_covariance_of_a_perfect_filter_is_the_error_budget():
     """The truth-model covariance analysis of the same outage has the same σ, within 3 %."""
     experiment = made()
-    (block,) = blocks_of(experiment, SECONDS, [2])
+    (block,) = plan_blocks(experiment, SECONDS, [2])
     errors = errors_in(experiment, block, times_since(SECONDS))
     experiment.update(
         {"seed": 2, "sensors": {"gps": {"outages": [(block.begin + 0.5, block.begin + SECONDS)]}}}
@@ -160,8 +160,8 @@ def test_the_covariance_of_a_perfect_filter_is_the_error_budget():
 def test_a_perfect_filter_whose_runs_contradict_its_covariance_is_known_by_its_runs():
     ten = np.full((100, 2), 10.0)
     errors = OutageErrors(np.arange(100), np.zeros(100), ten, ten, ten, np.tile([50.0, 50.0, 0.0], (100, 1)))
-    assert perfect_of(errors).basis == "covariance"
-    assert perfect_of(errors._replace(horizontal=1.2 * ten)) == (12.0, "ensemble")
+    assert perfect_filter_errors(errors).basis == "covariance"
+    assert perfect_filter_errors(errors._replace(horizontal=1.2 * ten)) == (12.0, "ensemble")
 
 
 def test_matched_assumes_what_the_sensors_have():
@@ -171,10 +171,10 @@ def test_matched_assumes_what_the_sensors_have():
     wrong = experiment.copy()
     wrong.update({"navigator": {"q_scale": 3, "gate": 0.99, "states": 15, "estimate_misalignments": False}})
     wrong.update({"navigator": {"estimate_g_sensitivity": False, "r_factors": 2.0, "latency": 0.5}})
-    assert matched(wrong).to_dict() == as_loaded
-    assert matched(experiment).to_dict() == as_loaded
+    assert match_filter(wrong).to_dict() == as_loaded
+    assert match_filter(experiment).to_dict() == as_loaded
     drifting = made(sensors__gps__correlated_sigma=2.0)
-    assert matched(drifting).navigator.estimate_gps_drift
+    assert match_filter(drifting).navigator.estimate_gps_drift
 
 
 def test_a_run_that_diverges_counts_as_infinite(monkeypatch):
@@ -268,7 +268,7 @@ def test_a_table_is_a_frame_a_dataset_and_json():
     read = json.loads(json.dumps(table.to_dict(), allow_nan=False))
     assert read["rows"][0]["to_m"] is None
     assert table.rows[0].decision(5.0) in repr(table)
-    assert f"{fewest(0.95)} give one" in table.remarks[0]
+    assert f"{fewest_values(0.95)} give one" in table.remarks[0]
 
 
 def test_rows_with_more_runs_than_others_share_a_dataset():

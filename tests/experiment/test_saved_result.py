@@ -19,7 +19,7 @@ from sensor_logs import tables, write
 import lab
 from lab import Experiment, Result, ResultError, export_track, open_result
 from lab.navigation.solution import HISTORIES
-from lab.run.provenance import RESULT, VERSIONS, block_of, facts_in
+from lab.run.provenance import RESULT, VERSIONS, facts_block, find_facts
 
 WRITERS: dict[str, Callable[[Result, Path], Any]] = {
     "run.nc": lambda result, path: result.to_netcdf(path),
@@ -196,7 +196,7 @@ def test_a_mission_without_a_run_has_nothing_to_run(tmp_path: Path) -> None:
 
 def test_an_own_algorithm_is_asked_for(result: Result, tmp_path: Path) -> None:
     facts = result.facts | {"algorithm": "mine"}
-    (tmp_path / "run.tum").write_text(block_of(facts, "# "), "utf-8")
+    (tmp_path / "run.tum").write_text(facts_block(facts, "# "), "utf-8")
     with pytest.raises(ResultError, match="navigated by mine"):
         open_result(tmp_path / "run.tum").run()
 
@@ -237,7 +237,7 @@ def test_files_of_version_0_1_still_open(result: Result, tmp_path: Path) -> None
 def test_a_newer_file_is_refused_in_words(result: Result, files: dict[str, Path], tmp_path: Path) -> None:
     newer = result.facts | {"schema_version": VERSIONS[RESULT] + 1}
     newer["versions"] = newer["versions"] | {"ins-lab": "9.9.0"}
-    (tmp_path / "run.tum").write_text(block_of(newer, "# "), "utf-8")
+    (tmp_path / "run.tum").write_text(facts_block(newer, "# "), "utf-8")
     (tmp_path / "run.json").write_text(json.dumps(newer), "utf-8")
     with xr.open_datatree(files["run.nc"]) as tree:
         tree.load()
@@ -282,7 +282,7 @@ def test_a_damaged_or_foreign_file_is_refused_in_words(name: str, content: bytes
 
 def test_settings_that_are_not_accepted_are_named(result: Result, tmp_path: Path) -> None:
     facts = result.facts | {"settings": {"navigator": {"nonsense": 1}}}
-    (tmp_path / "run.tum").write_text(block_of(facts, "# "), "utf-8")
+    (tmp_path / "run.tum").write_text(facts_block(facts, "# "), "utf-8")
     with pytest.raises(ResultError, match="nonsense"):
         open_result(tmp_path / "run.tum").run()
 
@@ -302,4 +302,4 @@ def test_a_hostile_file_takes_no_long_time(tmp_path: Path) -> None:
 @pytest.mark.parametrize("short", [False, True])
 def test_facts_survive_any_sign_of_comments(sign: str, short: bool) -> None:
     facts = {"schema": RESULT, "text": 'a "b" # c\n  d\\', "table": {"x": [1.5, -0.0], "deep": {"y": True}}}
-    assert facts_in(f"before\n{block_of(facts, sign, short=short)}after\n") == facts
+    assert find_facts(f"before\n{facts_block(facts, sign, short=short)}after\n") == facts

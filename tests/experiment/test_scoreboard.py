@@ -26,7 +26,7 @@ from lab.experiment.scoreboard.registry import (
     data_set,
     data_sets,
 )
-from lab.experiment.scoreboard.results import kept_rows, merged, of_set, standing, table_of
+from lab.experiment.scoreboard.results import describe_standing, kept_rows, merge_rows, of_set, tabulate_rows
 from lab.experiment.scoreboard.results import write as keep
 from lab.motion.frames.displacement import displacement
 
@@ -243,7 +243,7 @@ def test_the_first_rows_stand_with_their_losses() -> None:
             assert row.checked == "registered"
             assert set(row.files) == set(data_set(name).files)
             assert set(row.figures) == set(comparison.STATISTICS)
-    sentence, basis = standing(data_set("rtkx_walk"), of_set(kept_rows(), "rtkx_walk"))
+    sentence, basis = describe_standing(data_set("rtkx_walk"), of_set(kept_rows(), "rtkx_walk"))
     assert "worse than the best of the others, sidereon" in sentence
     assert "2 outages" in basis
 
@@ -259,11 +259,11 @@ def test_the_kept_rows_are_repeated(recordings: Path, tmp_path: Path, name: str,
 
 
 def _with(kept: list[results.Kept], row: Row) -> results.Kept:
-    return next(one for one in merged(kept, [row]) if one.key == (row.data, row.program))
+    return next(one for one in merge_rows(kept, [row]) if one.key == (row.data, row.program))
 
 
 def test_a_newer_row_replaces_and_keeps_what_it_replaced() -> None:
-    first = merged([], [])
+    first = merge_rows([], [])
     assert [one.number for one in first] == list(range(1, 3 * len(data_sets()) + 1))
     assert {one.row.outcome for one in first} == {AWAITED}
     row = Row("nclt", LAB, RUN, version="1", date="2026-01-01", figures={"horizontal_rms_m": 3.0})
@@ -287,7 +287,7 @@ def test_a_file_of_results_is_read_as_it_was_written(tmp_path: Path) -> None:
         Row("nclt", program, RUN, "x", "1", "2026-01-01", 2, errors, 0.5, 90.0, digests, "nothing", "all")
         for program in PROGRAMS
     ]
-    keep(path, merged([], new))
+    keep(path, merge_rows([], new))
     found = kept_rows(path)
     assert [one.row for one in found if one.row.data == "nclt"] == new
     assert results.known_files(found, "nclt") == digests
@@ -318,7 +318,7 @@ def test_a_sentence_says_who_is_ahead_and_what_it_rests_on() -> None:
             Row("made", LAB, RUN, outages=6, figures={"horizontal_rms_m": mine}, checked="nothing"),
             Row("made", "python-ins", RUN, outages=6, figures={"horizontal_rms_m": theirs}),
         ]
-        sentence, basis = standing(about, found)
+        sentence, basis = describe_standing(about, found)
         assert "6 outages, from the last withheld fix" in basis
         assert "no SHA-256 of these files was known before" in basis
         return sentence
@@ -329,8 +329,8 @@ def test_a_sentence_says_who_is_ahead_and_what_it_rests_on() -> None:
     assert said(3.0, 1.5) == "INS Lab 3 m is 2.00 × worse than the best of the others, python-ins 1.5 m."
     assert "is even with" in said(1.0, 1.01)
     awaited = [Row("made", LAB, AWAITED)]
-    assert standing(about, awaited) == ("No result.", "the data were not at hand")
-    titles, lines = table_of(about, awaited)
+    assert describe_standing(about, awaited) == ("No result.", "the data were not at hand")
+    titles, lines = tabulate_rows(about, awaited)
     assert {len(line) for line in lines} == {len(titles)}
     assert lines[-1][0] == "Other, published"
 

@@ -27,7 +27,7 @@ from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.experiment.ensembles import lane_results
 from lab.experiment.ensembles.collected import Collected
 from lab.experiment.ensembles.ensemble import Ensemble
-from lab.experiment.ensembles.run_at_fixes import RunAtFixes, kept_of
+from lab.experiment.ensembles.run_at_fixes import RunAtFixes, keep_values
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
@@ -62,7 +62,7 @@ def of(changes: dict[str, object]) -> Experiment:
 
 def alone(experiment: Experiment, seed: int) -> RunAtFixes:
     """Return the run of a seed alone."""
-    return kept_of(experiment.copy().update({"seed": seed}).run(), explain=False)
+    return keep_values(experiment.copy().update({"seed": seed}).run(), explain=False)
 
 
 def numbers_in(value: Any) -> list[np.ndarray]:
@@ -190,7 +190,7 @@ def test_a_run_whose_innovations_need_an_explanation_runs_alone(
     lanes = SeedLanes.of(experiment)
     assert lanes is not None
     (abreast,) = lanes.run((5,), explain=True)
-    evidence = kept_of(experiment.copy().update({"seed": 5}).run()).evidence
+    evidence = keep_values(experiment.copy().update({"seed": 5}).run()).evidence
     assert evidence is not None
     assert bool(evidence.innovations.likelihoods.any()) is asked
     assert (abreast is None) is asked

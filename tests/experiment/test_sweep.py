@@ -19,7 +19,7 @@ from lab.base.progress import StoppedError
 from lab.experiment.ensembles import sweeping
 from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import run_ensemble
-from lab.experiment.ensembles.swept_values import dim_of
+from lab.experiment.ensembles.swept_values import name_dimension
 from lab.experiment.experiment import Experiment
 from lab.experiment.sweep import Sweep
 from lab.missions import MissionError
@@ -176,7 +176,7 @@ def test_a_sensor_log_is_swept_with_one_run_and_its_errors_may_be_unknown(tmp_pa
 
 def test_two_settings_with_the_same_name_have_dimensions_of_their_own() -> None:
     paths = ["sensors.gyro.bias", "sensors.accelerometer.bias", "sensors.gps.period"]
-    assert [dim_of(path, dict.fromkeys(paths)) for path in paths] == [
+    assert [name_dimension(path, dict.fromkeys(paths)) for path in paths] == [
         "gyro_bias",
         "accelerometer_bias",
         "period",

@@ -26,12 +26,12 @@ from fuzz.mutations import mutated
 from fuzz.streams import attack_decoder
 from played_phone import Played, batch, request, untrusting
 
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.phone_line import LONGEST
 from lab.data.streams.sensor_server import KINDS, SensorServerTransport
-from lab.live.phone.app_request import app_request_of
+from lab.live.phone.app_request import parse_app_request
 from lab.live.phone.hub import PhoneHub
-from lab.live.phone.page_request import page_request_of
+from lab.live.phone.page_request import parse_page_request
 from lab.live.phone.phone import Phone
 from lab.live.phone.server import PhoneServer
 
@@ -114,7 +114,7 @@ def server_seed() -> bytes:
 
 def attack_page(body: bytes) -> bool:
     """Give a request of the page to a hub; return whether it was taken."""
-    posted = page_request_of(body)
+    posted = parse_page_request(body)
     if posted is None:
         return False
     return _is_taken(posted.device, posted.name, lambda phone: phone.take_page_request(posted).status)
@@ -122,7 +122,7 @@ def attack_page(body: bytes) -> bool:
 
 def attack_logger(body: bytes) -> bool:
     """Give a request of Sensor Logger to a hub; return whether it was taken."""
-    pushed = app_request_of(body)
+    pushed = parse_app_request(body)
     if pushed is None:
         return False
     return _is_taken(pushed.device, "", lambda phone: phone.take_app_request(pushed).status)
@@ -152,7 +152,7 @@ def _read_again(data: bytes) -> None:
     lines = data.splitlines(keepends=True)
     assert all(len(line) <= LONGEST for line in lines), f"a line of {max(map(len, lines))} bytes"
     attack_decoder("phone", data, max(len(data), 1))
-    decoder = decoder_of("phone")
+    decoder = make_decoder("phone")
     decoder.feed(data)
     decoder.finish()
     seen = decoder.statistics

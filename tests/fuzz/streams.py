@@ -19,7 +19,7 @@ from live_streams import fixes, motion
 from sketch_outputs import SKETCHES, TWO_DEVICES, of_two_devices
 from text_outputs import OUTPUTS
 
-from lab.data.protocols.catalogue import DECODERS, ENCODERS, decoder_of
+from lab.data.protocols.catalogue import DECODERS, ENCODERS, make_decoder
 from lab.data.protocols.limits import Limits
 from lab.data.protocols.samples import FIX, IMU, READING, Samples
 
@@ -79,7 +79,7 @@ def same(one: Samples, other: Samples) -> bool:
 
 def attack_decoder(name: str, data: bytes, step: int) -> Samples:
     """Decode hostile bytes: nothing is raised, little is held, and samples are within the limits."""
-    decoder = decoder_of(name)
+    decoder = make_decoder(name)
     parts = []
     for at in range(0, len(data), step):
         parts.append(decoder.feed(data[at : at + step]))

@@ -12,7 +12,7 @@ from attack import BY_NAME, attack, rebuild, seeds
 from mutations import mutated
 from writers import WRITERS
 
-from lab.base.files.file_content import TextBlocks, whole
+from lab.base.files.file_content import TextBlocks, read_whole
 from lab.data.formats import read_raw
 from lab.missions import MissionError
 
@@ -70,13 +70,13 @@ def test_what_grows_too_much_is_refused_by_both_ways_to_read(tmp_path):
     path = tmp_path / "bomb.gz"
     path.write_bytes(gzip.compress(b"1,2,3\n" * 5_000_000))
     with pytest.raises(MissionError, match="grows more than 100 times"):
-        whole(path, 2**30)
+        read_whole(path, 2**30)
     with pytest.raises(MissionError, match="grows more than 100 times"), TextBlocks(path, 2**30) as text:
         list(text.blocks())
     path.write_bytes(gzip.compress(b"1,2,3\n" * 100_000))  # small enough to be harmless
-    assert len(whole(path, 2**30)) == 600_000
+    assert len(read_whole(path, 2**30)) == 600_000
     with pytest.raises(MissionError, match="up to 0 MB when decompressed"):
-        whole(path, 100_000)
+        read_whole(path, 100_000)
 
 
 @pytest.mark.parametrize("name", BY_NAME)

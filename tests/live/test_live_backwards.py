@@ -11,7 +11,7 @@ import pytest
 from live_batch import assert_equal, navigator, suite
 from live_rows import HOST, RATE, driven, feed, ramp
 
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor
 from lab.missions import Recording
@@ -111,7 +111,7 @@ def test_from_then_on_it_equals_the_batch():
     imu, fixes, _ = driven(late=0.2, trajectory=departure())
     live = navigator()
     feed(live, imu, fixes, repeat(100))
-    log = log_of("replay", imu, fixes, vehicle="car")
+    log = make_log("replay", imu, fixes, vehicle="car")
     assert_equal(live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment))
 
 

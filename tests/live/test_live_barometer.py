@@ -12,7 +12,7 @@ from lab.data.clock.timed_samples import TIMED_IMU
 from lab.data.files.sensor_log_csv import read_sensor_log
 from lab.data.files.sensor_log_writer import write_sensor_log
 from lab.data.log.pressure_height import Heights, height_of, pressure_at
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.data.streams.recorded_log import log_of_recording
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
@@ -63,7 +63,7 @@ def test_it_equals_the_batch(seed: int, late: float, settings: dict, tmp_path) -
     imu["pressure"][2000:2500] = np.nan
     live = navigator(sensors=fitted(), **settings)
     feed(live, imu, fixes, random_pieces(seed))
-    log = log_of("replay", imu, fixes, vehicle="car", latency=settings.get("latency", 0.0))
+    log = make_log("replay", imu, fixes, vehicle="car", latency=settings.get("latency", 0.0))
     whole = NavigatorSettings(vehicle="car", **settings)
     run = navigate_log(log, fitted(), whole, start=live.alignment)
     assert run.solution.states == 16

@@ -10,7 +10,7 @@ from live_batch import assert_equal, follow, navigator, random_pieces, recorded,
 from live_rows import HOST, driven, feed
 
 import lab.live
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.data.streams.recorded_log import log_of_recording
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
@@ -33,7 +33,7 @@ def test_it_equals_the_batch(pieces, late, settings):
     imu, fixes, _ = driven(late=late, lever_arm=settings.get("lever_arm", (0.0, 0.0, 0.0)))
     live = navigator(**settings)
     feed(live, imu, fixes, pieces())
-    log = log_of("replay", imu, fixes, settings.get("lever_arm"), vehicle="car")
+    log = make_log("replay", imu, fixes, settings.get("lever_arm"), vehicle="car")
     whole = NavigatorSettings(vehicle="car", **settings)
     assert_equal(live, navigate_log(log, suite(), whole, start=live.alignment))
     # The batch sees the whole log, and finds the same start here.
@@ -51,7 +51,7 @@ def test_it_equals_the_batch_with_another_kernel(settings):
     imu, fixes, _ = driven(late=0.2)
     live = navigator(**settings)
     feed(live, imu[:6000], fixes[fixes["time"] < HOST + 59], random_pieces(1))
-    log = log_of("replay", imu[:6000], fixes[fixes["time"] < HOST + 59], vehicle="car")
+    log = make_log("replay", imu[:6000], fixes[fixes["time"] < HOST + 59], vehicle="car")
     whole = NavigatorSettings(vehicle="car", **settings)
     assert_equal(live, navigate_log(log, suite(), whole, start=live.alignment))
 
@@ -62,7 +62,7 @@ def test_stamps_that_are_late_are_brought_to_their_time():
     fixes["arrival"] += 0.15
     live = navigator(latency=0.15)
     feed(live, imu, fixes, random_pieces(1))
-    log = log_of("replay", imu, fixes, latency=0.15, vehicle="car")
+    log = make_log("replay", imu, fixes, latency=0.15, vehicle="car")
     assert_equal(live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment))
     assert np.abs(np.mean(solution_of(live).innovation[120:190, :2], axis=0)).max() < 0.3
 
@@ -75,7 +75,7 @@ def test_velocities_that_the_receiver_does_not_measure(axes):
     fixes["velocity_n"][100, 2] = np.nan
     live = navigator(gate=0.99)
     feed(live, imu, fixes, random_pieces(1))
-    log = log_of("replay", imu, fixes, vehicle="car")
+    log = make_log("replay", imu, fixes, vehicle="car")
     whole = NavigatorSettings(vehicle="car", gate=0.99)
     assert_equal(live, navigate_log(log, suite(), whole, start=live.alignment))
     assert np.isnan(solution_of(live).innovation[:, 5]).all()
@@ -93,7 +93,7 @@ def test_rows_that_cannot_be_used_are_counted_and_change_nothing():
     state = live.state
     assert (state.rows.late, state.rows.unusable, state.fixes_refused) == (10, 2, 3)
     assert "3 fixes were not used" in " ".join(state.remarks)
-    log = log_of("replay", bad, broken, vehicle="car")
+    log = make_log("replay", bad, broken, vehicle="car")
     assert_equal(live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment))
 
 
@@ -107,7 +107,7 @@ def test_a_polled_sensor_repeats_samples():
     doubled["time"] = HOST + np.arange(1, doubled.size + 1) / 200
     live = navigator()
     feed(live, doubled, fixes, random_pieces(1, 9))
-    log = log_of("replay", doubled, fixes, vehicle="car")
+    log = make_log("replay", doubled, fixes, vehicle="car")
     assert live.state.rows.repeated == doubled.size - log.time.size > 8000
     assert_equal(live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment))
 

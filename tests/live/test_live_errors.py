@@ -9,7 +9,7 @@ import pytest
 
 import lab.live
 from lab import Experiment
-from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
+from lab.live.live_errors import LiveErrors, errors_of, join_errors, normalised_rms
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor, LiveHistory
 from lab.live.simulated.simulated_flight import SimulatedFlight
@@ -93,7 +93,7 @@ def test_errors_are_estimate_minus_truth_in_metres_and_radians() -> None:
     assert rms["position"] == pytest.approx(np.sqrt((1 + 4 + 1) / 3), rel=1e-3)
     assert rms["velocity"] == pytest.approx(np.sqrt((1 + 0.25 + 4) / 3), rel=1e-6)
     assert rms["attitude"] == pytest.approx(np.sqrt((4 + 1 + 4) / 3), rel=1e-6)
-    both = joined([LiveErrors(*(column[:5] for column in found)), LiveErrors(*(c[5:] for c in found))])
+    both = join_errors([LiveErrors(*(column[:5] for column in found)), LiveErrors(*(c[5:] for c in found))])
     assert both.position == pytest.approx(found.position)
 
 

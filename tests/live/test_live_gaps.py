@@ -20,8 +20,8 @@ from live_batch import (
 from live_rows import HOST, driven, feed
 
 import lab.live
-from lab.data.log.log_section import piece
-from lab.data.streams.live_log import log_of
+from lab.data.log.log_section import cut_section
+from lab.data.streams.live_log import make_log
 from lab.data.streams.recorded_log import log_of_recording, recorded_samples
 from lab.motion.frames.displacement import metres_per_radian
 from lab.navigation.log_navigation import navigate_log
@@ -84,7 +84,7 @@ def test_it_equals_the_batch_with_gaps(fault, states):
     counts = live.state.rows
     assert counts.gaps > 0
     assert counts.breaks == 0
-    log = log_of("replay", rows, fixes, vehicle="car")
+    log = make_log("replay", rows, fixes, vehicle="car")
     assert counts.filled == log.time.size - rows.size
     settings = NavigatorSettings(vehicle="car", states=states)
     assert_equal(live, navigate_log(log, suite(), settings, start=live.alignment))
@@ -107,7 +107,7 @@ def test_it_equals_the_batch_with_gaps_and_other_settings(settings):
     rows = shaken(lossy(imu, 5, 0.1), 5, 2e-3)
     live = navigator(**settings)
     feed(live, rows, fixes, random_pieces(2))
-    log = log_of("replay", rows, fixes, arm, settings.get("latency", 0.0), "car")
+    log = make_log("replay", rows, fixes, arm, settings.get("latency", 0.0), "car")
     whole = NavigatorSettings(vehicle="car", **settings)
     assert_equal(live, navigate_log(log, suite(), whole, start=live.alignment))
 
@@ -133,15 +133,15 @@ def test_after_a_break_each_piece_equals_the_batch_on_it():
     live = navigator()
     early = rows["time"] < HOST + 42
     feed(live, rows[early], fixes[fixes["time"] < HOST + 40], random_pieces(1))
-    log = log_of("replay", rows, fixes, vehicle="car")
+    log = make_log("replay", rows, fixes, vehicle="car")
     assert len(log.breaks) == 1
     settings = NavigatorSettings(vehicle="car")
-    first = piece(log, end=HOST + 40.0)
+    first = cut_section(log, end=HOST + 40.0)
     assert_equal(live, navigate_log(first, suite(), settings, start=live.alignment))
     live = navigator()
     feed(live, rows, fixes, random_pieces(2))
     assert live.state.rows.breaks == 1
-    second = piece(log, start=HOST + 43.0)
+    second = cut_section(log, start=HOST + 43.0)
     assert_equal(live, navigate_log(second, suite(), settings, start=live.alignment))
 
 
@@ -162,7 +162,7 @@ def test_a_damaged_recording_replayed_equals_the_batch(tmp_path, name, states, d
     if live.state.rows.breaks:
         # In motion, the start depends on when it is sought, and that on how fast the recording is read.
         cut = float(solution_of(live).time[0])
-        log = piece(log, start=live.log().epoch + cut - 1e-3)
+        log = cut_section(log, start=live.log().epoch + cut - 1e-3)
     else:
         assert live.state.rows.gaps > 0
     settings = NavigatorSettings(vehicle="aeroplane", states=states)
@@ -177,7 +177,7 @@ def test_a_short_gap_is_filled_as_in_a_log_and_marked():
     state = live.state
     assert (state.rows.gaps, state.rows.filled, state.rows.breaks) == (1, 100, 0)
     assert "1 gap" in " ".join(state.remarks)
-    log = log_of("replay", rows, fixes, vehicle="car")
+    log = make_log("replay", rows, fixes, vehicle="car")
     np.testing.assert_allclose(live.log().gaps, log.gaps, atol=TOLERANCE)
     np.testing.assert_allclose(live.log().dtheta, log.dtheta, atol=1e-15)
     run = navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment)

@@ -10,7 +10,7 @@ from live_rows import driven, feed, reading_rows
 from lab.data.clock.timed_samples import TIMED_READING
 from lab.data.files.sensor_log_csv import read_sensor_log
 from lab.data.files.sensor_log_writer import write_sensor_log
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.navigation import aids
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
@@ -63,7 +63,7 @@ def test_they_equal_the_batch(sensors, seed: int, late: float, settings: dict, t
     rows["heading_sigma"] = np.where(np.isfinite(rows["heading"]), given, np.nan)
     live = navigator(sensors=fitted(*sensors), **settings)
     feed(live, imu, fixes, random_pieces(seed), rows)
-    log = log_of("replay", imu, fixes, vehicle="car", latency=settings.get("latency", 0.0), readings=rows)
+    log = make_log("replay", imu, fixes, vehicle="car", latency=settings.get("latency", 0.0), readings=rows)
     whole = NavigatorSettings(vehicle="car", **settings)
     run = navigate_log(log, fitted(*sensors), whole, start=live.alignment)
     assert run.solution.states == 15 + len(sensors)
@@ -98,7 +98,7 @@ def test_with_barometer_and_gaps_they_equal_the_batch() -> None:
     rows = readings(trajectory, 5)
     live = navigator(sensors=sensors)
     feed(live, imu, fixes, random_pieces(5), rows)
-    log = log_of("replay", imu, fixes, vehicle="car", readings=rows)
+    log = make_log("replay", imu, fixes, vehicle="car", readings=rows)
     run = navigate_log(log, sensors, NavigatorSettings(vehicle="car"), start=live.alignment)
     assert run.solution.states == 18
     assert_equal(live, run)

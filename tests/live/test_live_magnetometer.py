@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.data.files.sensor_log_csv import read_sensor_log
 from lab.data.files.sensor_log_writer import write_sensor_log
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.motion.frames.magnetic_field import magnetic_field
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
@@ -51,7 +51,7 @@ def test_it_equals_the_batch(seed: int, late: float, settings: dict, tmp_path) -
     imu["force"][1234, 0] = 157.0  # a spike of the IMU leaves the field as it is
     live = navigator(sensors=fitted(), **settings)
     feed(live, imu, fixes, random_pieces(seed))
-    log = log_of("replay", imu, fixes, vehicle="car", latency=settings.get("latency", 0.0))
+    log = make_log("replay", imu, fixes, vehicle="car", latency=settings.get("latency", 0.0))
     whole = NavigatorSettings(vehicle="car", **settings)
     run = navigate_log(log, fitted(), whole, start=live.alignment)
     assert run.solution.states == 16
@@ -76,7 +76,7 @@ def test_with_barometer_rests_and_other_times_it_equals_the_batch() -> None:
     sensors.barometer.fitted = True
     live = navigator(sensors=sensors, zero_velocity=True)
     feed(live, imu, fixes, random_pieces(2))
-    log = log_of("replay", imu, fixes, vehicle="car")
+    log = make_log("replay", imu, fixes, vehicle="car")
     settings = NavigatorSettings(vehicle="car", zero_velocity=True)
     run = navigate_log(log, sensors, settings, start=live.alignment)
     assert run.solution.states == 17

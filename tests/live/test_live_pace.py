@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from live_batch import assert_equal, suite
 from live_rows import HOST, driven
 
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import LiveState
 from lab.live.outlets.publisher import sent_solution
@@ -53,7 +53,7 @@ def test_states_come_at_the_wanted_rate_and_the_solution_is_that_of_the_batch(fi
     imu, fixes, _ = driven(late=0.2)
     come = fixes[fixes["arrival"] <= imu["arrival"][3999]]
     whole = NavigatorSettings(vehicle="car")
-    log = log_of("replay", imu[:4000], come, vehicle="car")
+    log = make_log("replay", imu[:4000], come, vehicle="car")
     assert_equal(live, navigate_log(log, suite(), whole, start=live.alignment))
 
 

@@ -7,7 +7,7 @@ import pytest
 from live_batch import assert_equal, navigator, random_pieces, solution_of, suite
 from live_rows import driven, feed
 
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 
@@ -33,7 +33,7 @@ def test_it_equals_the_batch_with_spikes(longest):
     counts = live.state.rows
     assert counts.spikes == len(SPIKED)
     assert f"{len(SPIKED)} samples of the IMU with a spike" in " ".join(live.state.remarks)
-    log = log_of("replay", rows, fixes, vehicle="car")
+    log = make_log("replay", rows, fixes, vehicle="car")
     assert counts.gaps == len(log.gaps)
     assert_equal(live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment))
 

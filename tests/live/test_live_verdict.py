@@ -11,10 +11,10 @@ import pytest
 import lab.live.station as station_module
 from lab import Experiment
 from lab.data.log.sensor_log import SensorLog
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.live import open as open_source
 from lab.live.live_navigator import LiveNavigator
-from lab.live.live_verdict import verdict_of
+from lab.live.live_verdict import judge_stream
 from lab.live.simulated.simulated_flight import SimulatedFlight
 from lab.live.stream_settings import stream_settings
 
@@ -46,9 +46,9 @@ def of_a_flight() -> Experiment:
 
 def test_the_verdict_is_that_of_the_same_stream_without_settings_of_flights() -> None:
     plain, other, log = Experiment(), of_a_flight(), streamed(*rows())
-    said = str(verdict_of(log, plain.sensors, plain.navigator))
+    said = str(judge_stream(log, plain.sensors, plain.navigator))
     assert "Consistent" in said
-    assert str(verdict_of(log, other.sensors, other.navigator)) == said
+    assert str(judge_stream(log, other.sensors, other.navigator)) == said
 
 
 GOOD = {"position_variance": 0.01, "velocity_variance": 0.01}
@@ -70,10 +70,10 @@ def test_a_fault_of_the_receiver_is_named_as_by_the_batch(
 ) -> None:
     imu, fixes = rows(mission, **receiver)
     experiment = Experiment()
-    live = verdict_of(streamed(imu, fixes), experiment.sensors, experiment.navigator)
+    live = judge_stream(streamed(imu, fixes), experiment.sensors, experiment.navigator)
     assert words in str(live)
-    log = log_of("recorded", imu, fixes)
-    assert str(verdict_of(log, experiment.sensors, experiment.navigator)) == str(live)
+    log = make_log("recorded", imu, fixes)
+    assert str(judge_stream(log, experiment.sensors, experiment.navigator)) == str(live)
 
 
 def test_the_settings_themselves_are_not_changed() -> None:

@@ -10,7 +10,7 @@ from live_batch import assert_equal, navigator, random_pieces, suite
 from live_rows import HOST, driven, feed
 
 from lab.data.log.pressure_height import pressure_at
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 
@@ -33,7 +33,7 @@ def test_it_equals_the_batch(pieces, barometer, settings) -> None:
     sensors.barometer.fitted = barometer
     live = navigator(sensors=sensors, zero_velocity=True, **settings)
     feed(live, imu, fixes, pieces())
-    log = log_of("replay", imu, fixes, vehicle="car")
+    log = make_log("replay", imu, fixes, vehicle="car")
     whole = NavigatorSettings(vehicle="car", zero_velocity=True, **settings)
     run = navigate_log(log, sensors, whole, start=live.alignment)
     at = run.aids.time[(run.aids.kind >= 4) & (run.aids.kind <= 6)]

@@ -437,10 +437,10 @@ def test_what_a_link_names_is_not_replaced_with_it(own, tmp_path):
 
 def test_the_largest_file_that_is_written_is_the_largest_that_is_read(tmp_path):
     toml = tmp_path / "one.toml"
-    toml.write_bytes(shelf.encoded("#" * MAX_BYTES, toml))
+    toml.write_bytes(shelf.encode_toml("#" * MAX_BYTES, toml))
     assert read_toml(toml) == {}
     with pytest.raises(MissionError, match="too long"):
-        shelf.encoded("#" * (MAX_BYTES + 1), toml)
+        shelf.encode_toml("#" * (MAX_BYTES + 1), toml)
 
 
 def test_a_log_is_deleted_with_the_files_it_names(own):

@@ -82,7 +82,7 @@ def test_all_states_and_measurements_together_are_consistent() -> None:
         )
         P = solution.fix_covariance[used]
         parts = [slice(None), slice(0, 3), slice(3, 6), slice(6, 9)]
-        parts += [blocks.states_of(result.blocks, name) for name in result.blocks]
+        parts += [blocks.find_states(result.blocks, name) for name in result.blocks]
         nees.append([normalised_squares(x[:, a], P[:, a, a]).mean() / P[0, a, a].shape[0] for a in parts])
         nis.append(float(result.innovations["nis"].mean()) / 6)
         aids.append(float(np.mean(solution.aid_innovation**2 / solution.aid_variance)))
@@ -160,7 +160,9 @@ def test_wind_and_scale_are_consistent_beside_a_navigator_that_runs_free() -> No
         result = flight("montreal", seed, free).run()
         solution = result.solution_arrays
         used = solution.fix_sample[solution.fix_sample >= 0]
-        own = np.r_[*(blocks.states_of(result.blocks, name) for name in (blocks.WIND, blocks.AIRSPEED_SCALE))]
+        own = np.r_[
+            *(blocks.find_states(result.blocks, name) for name in (blocks.WIND, blocks.AIRSPEED_SCALE))
+        ]
         x = error_state(
             solution, used, result.known_truth("errors"), result.true_bias, further=result.true_further()
         )[:, own]

@@ -13,14 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from lab import Experiment
 from lab.analysis.verdicts.finding import Change
-from lab.analysis.verdicts.trial import advised
+from lab.analysis.verdicts.trial import apply_changes
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.motion.frames.rotation import wrap
 from lab.navigation import aids, navigator, reference_aids, strapdown, wander
-from lab.navigation.aiding import KINDS, aids_of, most_aids
+from lab.navigation.aiding import KINDS, collect_aids, most_aids
 from lab.navigation.belief import chosen_blocks
 from lab.navigation.filters import blocks, observation
-from lab.navigation.filters.blocks import BLOCKS, count, first_state, in_order, places
+from lab.navigation.filters.blocks import BLOCKS, count, find_places, first_state, in_order
 from lab.navigation.filters.error_models import MODELS, ErrorModel
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.further_columns import with_blocks
@@ -28,7 +28,7 @@ from lab.navigation.filters.north_slaved import fix_axes, north_axes
 from lab.navigation.filters.wander_models import PSI
 from lab.navigation.frames import keep_radii
 from lab.navigation.kernels.driver import Advance, driver
-from lab.navigation.kernels.generation import interpreted
+from lab.navigation.kernels.generation import interpret_kernel
 from lab.navigation.kernels.propagation import layout_constants
 from lab.navigation.solution import Imu, Solution, Start
 from lab.run.memory import bytes_per_aid
@@ -56,9 +56,9 @@ def test_blocks_follow_each_other_in_one_order() -> None:
         assert first_state(names, name) == at
         at += BLOCKS[name].size
     assert first_state((), blocks.LEVER_ARM) == -1
-    assert len(set(places(names))) == len(places(names)) == count(names) - 9
-    assert min(places(names)) == strapdown.GYRO_BIAS
-    assert max(places(names)) < strapdown.SINE
+    assert len(set(find_places(names))) == len(find_places(names)) == count(names) - 9
+    assert min(find_places(names)) == strapdown.GYRO_BIAS
+    assert max(find_places(names)) < strapdown.SINE
 
 
 @pytest.mark.parametrize("module", [aids, observation], ids=["aids", "observation"])
@@ -90,7 +90,7 @@ def test_memory_of_measurements_is_counted() -> None:
     imu_time = np.arange(0.0, duration + 0.1, 0.1)
     imu = Imu(imu_time, *np.zeros((2, imu_time.size - 1, 3)))
     standing = np.ones(imu_time.size - 1, np.bool_)
-    found = aids_of(made.sensors, made.navigator, readings, imu, standing)
+    found = collect_aids(made.sensors, made.navigator, readings, imu, standing)
     most = most_aids(made.sensors, made.navigator, duration)
     assert found.time.size <= most < 1.01 * found.time.size
     solution = Solution.empty(0, 0, ("barometer bias",), aids=found.time.size)
@@ -219,7 +219,7 @@ def test_rows_of_h_are_derivatives_close_to_a_pole(kind: int, latitude: float) -
     """For the errors of the computer frame; a reading at the end of the sample, as H takes its position."""
     state, field, place = near_the_pole(latitude), np.array([0.3, -0.2, 0.9]), np.array([1.0, -0.5, 0.4])
     see, axes, displace = (
-        interpreted(one) for one in (aids.predict_aid, wander.north_axes_before, wander.displace)
+        interpret_kernel(one) for one in (aids.predict_aid, wander.north_axes_before, wander.displace)
     )
 
     def value(at: np.ndarray, row: np.ndarray) -> float:
@@ -247,8 +247,8 @@ def test_a_heading_says_nothing_where_the_pole_is_closer_than_the_position_is_kn
     rng = np.random.default_rng(1)
     along, across = away + sigma * rng.normal(size=1_000_000), sigma * rng.normal(size=1_000_000)
     beyond = np.var(np.arctan2(across, along) - across / away)
-    assert interpreted(wander.north_variance)(state, sigma**2) == pytest.approx(beyond, rel=0.05)
-    assert interpreted(wander.north_variance)(state, away**2) == pytest.approx(1.0)  # rad²
+    assert interpret_kernel(wander.north_variance)(state, sigma**2) == pytest.approx(beyond, rel=0.05)
+    assert interpret_kernel(wander.north_variance)(state, away**2) == pytest.approx(1.0)  # rad²
 
 
 RECEIVER = {
@@ -418,7 +418,7 @@ def test_an_ensemble_and_its_advice_work_with_all_states() -> None:
         Change("navigator.p0", 4.0, times=True, rows=(6, 9)),
         Change("navigator.q", 4.0, times=True, rows=(0, 3)),
     )
-    changed = advised(of(ALL).run(), changes)
+    changed = apply_changes(of(ALL).run(), changes)
     assert np.shape(changed.get("navigator.p0"))[0] == 21
     assert len(changed.get("navigator.q")) == 12
     changed.run()

@@ -14,7 +14,14 @@ import pytest
 
 from lab.navigation.kernels import generation
 from lab.navigation.kernels.compilation import embedded_kernel, inline_kernel, kernel
-from lab.navigation.kernels.generation import Redecorated, Slot, Variant, Written, generated, interpreted
+from lab.navigation.kernels.generation import (
+    Redecorated,
+    Slot,
+    Variant,
+    Written,
+    generate_module,
+    interpret_kernel,
+)
 
 SIZE = 3
 change = Slot("change")
@@ -44,7 +51,7 @@ def changing(x: float) -> float:
 
 
 def made(root: Any, kernels: dict[Any, Any] | None = None, **constants: tuple[Any, Any]) -> Any:
-    return generated("test", "A test.", [root], Variant(kernels or {}, constants))[root]
+    return generate_module("test", "A test.", [root], Variant(kernels or {}, constants))[root]
 
 
 def test_constants_are_replaced_throughout_and_nowhere_else() -> None:
@@ -98,14 +105,14 @@ def test_a_kernel_takes_another_decorator() -> None:
 
 def test_parts_are_imported() -> None:
     variant = Variant({}, {"SIZE": (3, 5)})
-    part = generated("part", "A part.", [inner], variant)
-    whole = generated("whole", "The rest.", [outer], variant, [part])
+    part = generate_module("part", "A part.", [inner], variant)
+    whole = generate_module("whole", "The rest.", [outer], variant, [part])
     assert vars(whole.module)["inner"] is part[inner]
     assert whole[outer](1.0) == 1 + 5 * 5
 
 
 def test_plain_python_calls_nothing_that_is_compiled() -> None:
-    plain = interpreted(changing, Variant({change: untouched}, {"SIZE": (3, 5)}))
+    plain = interpret_kernel(changing, Variant({change: untouched}, {"SIZE": (3, 5)}))
     assert plain(1.0) == 2 + 1 + 5 * 5
     assert not hasattr(vars(sys.modules[plain.__module__])["untouched"], "py_func")
 

@@ -17,8 +17,8 @@ from lab.missions import read_sensor_log
 from lab.motion.frames import earth
 from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
-from lab.motion.kinematics.running_turns import turned
-from lab.navigation.alignment.initial_heading import Found, Hints, surest
+from lab.motion.kinematics.running_turns import running_attitudes
+from lab.navigation.alignment.initial_heading import Found, Hints, choose_surest_heading
 from lab.navigation.log_navigation import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
@@ -118,11 +118,11 @@ def test_declination_is_that_of_the_world_magnetic_model():
 
 def test_a_contradiction_makes_the_heading_uncertain():
     course, compass = Found(0.1, 0.05, "one way", 1.0), Found(1.1, 0.1, "another", 2.0)
-    both = surest((compass, course))
+    both = choose_surest_heading((compass, course))
     assert (both.heading, both.sigma) == (0.1, pytest.approx(1.0))
     assert "57°" in both.source
-    assert surest((course, compass._replace(heading=0.15))) is course
-    assert surest(()).sigma == np.pi
+    assert choose_surest_heading((course, compass._replace(heading=0.15))) is course
+    assert choose_surest_heading(()).sigma == np.pi
 
 
 def test_the_words_of_autopilots_are_known():
@@ -162,7 +162,7 @@ def test_turning_is_the_product_of_the_increments():
     attitude = Rotation.identity()
     for number, increment in enumerate(increments):
         attitude = attitude * Rotation.from_rotvec(increment)
-        apart = turned(increments)[number + 1].inv() * attitude
+        apart = running_attitudes(increments)[number + 1].inv() * attitude
         assert apart.magnitude() < 1e-12
 
 

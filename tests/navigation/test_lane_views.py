@@ -8,7 +8,7 @@ import pytest
 
 from lab.base.compiling.compiled_cache import DISABLE_JIT
 from lab.navigation.filters.filter import aligned_zeros
-from lab.navigation.kernels.lane_views import LANES, plain_wide, wide
+from lab.navigation.kernels.lane_views import LANES, view_plain, wide
 
 
 def compute(buffer: np.ndarray, count: int, factor: float) -> None:
@@ -26,9 +26,9 @@ def test_vectors_compute_as_numpy_does() -> None:
     count = 5
     buffer = aligned_zeros(2 * count * LANES)
     buffer[: count * LANES] = np.random.default_rng(1).uniform(1.0, 2.0, count * LANES)
-    x = plain_wide(buffer, 0)[:count].copy()
+    x = view_plain(buffer, 0)[:count].copy()
     numba.njit(compute)(buffer, count, 0.7)
     np.testing.assert_allclose(
-        plain_wide(buffer, count), (x * 0.7 - 2 / (x + 3) - x / 0.7) * (1 - x[::-1]), rtol=1e-14
+        view_plain(buffer, count), (x * 0.7 - 2 / (x + 3) - x / 0.7) * (1 - x[::-1]), rtol=1e-14
     )
-    assert np.array_equal(plain_wide(buffer, 0)[:count], x)
+    assert np.array_equal(view_plain(buffer, 0)[:count], x)

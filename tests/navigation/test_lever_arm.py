@@ -15,9 +15,9 @@ from lab.experiment.result import Result
 from lab.experiment.stages import CACHE
 from lab.motion.frames import earth
 from lab.navigation import strapdown, wander
-from lab.navigation.filters.blocks import SCALES, places
+from lab.navigation.filters.blocks import SCALES, find_places
 from lab.navigation.filters.sigma_points import displace
-from lab.navigation.kernels.generation import Variant, interpreted
+from lab.navigation.kernels.generation import Variant, interpret_kernel
 from lab.navigation.lever_arm import WINDOW, mean_rates_at_fixes, predict_antenna
 from lab.navigation.solution import Imu
 
@@ -28,7 +28,7 @@ NONE = -1
 """For a filter without states of the lever arm, or of misalignments."""
 
 
-STEP = interpreted(strapdown.step, Variant(wander.STEP))
+STEP = interpret_kernel(strapdown.step, Variant(wander.STEP))
 
 
 def navigator(rng: np.random.Generator) -> FloatArray:
@@ -83,7 +83,7 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
         x = np.zeros(21)
         x[column] = size
         moved = state.copy()
-        displace(moved, x, np.array(places(SCALES)))
+        displace(moved, x, np.array(find_places(SCALES)))
         there = antenna(moved, measured, arm, age)
         # H leaves out how the turn over the fix's age, 5 ms at most, changes with the bias.
         np.testing.assert_allclose((here - there) / size, H[:, column], atol=bound)

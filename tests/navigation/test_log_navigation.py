@@ -10,7 +10,7 @@ from sensor_logs import LATENCY, POSITION, described, tables, write, write_csv
 
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.verdicts.evidence import evidence
-from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
+from lab.data.log.sensor_log import GnssLog, SensorLog, repair_log
 from lab.missions import read_sensor_log
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion, wrap
@@ -72,7 +72,7 @@ def at_rest(latitude: float, euler: np.ndarray, bias: np.ndarray) -> SensorLog:
         fixes, np.tile((latitude, 0.3, 50.0), (21, 1)), np.zeros((21, 3)), np.full((21, 3), 1.0),
         np.full((21, 3), 0.1), np.zeros(3), 0.0,
     )  # fmt: skip
-    return repaired("rest", time, samples, gnss)
+    return repair_log("rest", time, samples, gnss)
 
 
 @pytest.mark.parametrize("latitude", [-0.6, 0.0, 0.9])

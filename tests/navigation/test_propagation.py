@@ -17,13 +17,13 @@ from lab.navigation.filters import kalman
 from lab.navigation.filters.error_models import ATT, PHI, VEL
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.prediction import second_order
-from lab.navigation.kernels.generation import Variant, generated
+from lab.navigation.kernels.generation import Variant, generate_module
 from lab.navigation.kernels.propagation import (
+    build_propagate,
     layout,
     layout_constants,
     propagate,
     propagate_over,
-    propagation_of,
 )
 from lab.navigation.navigator import Fixes, Schedule, Solution, advance
 from lab.navigation.settings import NavigatorSettings
@@ -32,11 +32,11 @@ from lab.sensors.suite import SensorSuite
 
 MODELS = {n: with_states(PHI, n) for n in (15, 21)}
 MADE = {
-    n: generated(
+    n: generate_module(
         f"propagation {n}",
         "The propagation of a filter.",
         [propagate, propagate_over],
-        Variant({propagate: propagation_of(model)}, layout_constants(model.blocks)),
+        Variant({propagate: build_propagate(model)}, layout_constants(model.blocks)),
     )
     for n, model in MODELS.items()
 }

@@ -7,11 +7,11 @@ import pytest
 
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.navigation.belief import schedule_of
+from lab.navigation.belief import schedule_filter
 from lab.navigation.filters import kalman
 from lab.navigation.filters.kalman import HUBER, HUBER_NIS, RECOVERED, REJECTED, STUDENT_T, USED, gate, weight
 from lab.navigation.filters.schedule import Schedule
-from lab.navigation.kernels.generation import interpreted
+from lab.navigation.kernels.generation import interpret_kernel
 from lab.navigation.settings import NavigatorSettings
 
 
@@ -90,7 +90,7 @@ def test_weights_are_those_of_their_densities() -> None:
 
 def test_rows_of_rejections_that_chance_explains_accuse_nobody() -> None:
     """Of good fixes a gate of 50 % rejects every second one: twenty in a row once in a million."""
-    lengths = {p: schedule_of(NavigatorSettings(gate=p), 0.005, 1000).agreeing for p in (0.5, 0.9, 0.999)}
+    lengths = {p: schedule_filter(NavigatorSettings(gate=p), 0.005, 1000).agreeing for p in (0.5, 0.9, 0.999)}
     assert all((1 - p) ** n <= 1e-6 for p, n in lengths.items())
     assert lengths == {0.5: 20, 0.9: 6, 0.999: 4}
 
@@ -110,7 +110,7 @@ def test_a_gate_that_rejects_every_fix_leaves_all_rejections_to_chance(least: fl
 @pytest.mark.parametrize(("angle", "accused"), [(59.0, 4), (61.0, 10)])
 def test_fixes_that_agree_accuse_the_filter_sooner(angle: float, accused: int) -> None:
     """Innovations that turn by less than 60° from one to the next, in the metric of S, agree."""
-    is_outlier = interpreted(kalman.is_outlier)
+    is_outlier = interpret_kernel(kalman.is_outlier)
     A = np.random.default_rng(1).normal(size=(6, 6))
     streak = np.append([0.0, 3.0], 5 * A[:, 0])  # a streak that has ended is of no account
     for number in range(1, accused + 1):
@@ -133,13 +133,13 @@ def test_a_recovery_adds_the_error_that_the_innovation_shows(
     expected[np.diag_indices(9)] += np.repeat([27.0, speed**2 / 3, tilt**2], 3)
     expected[range(9, 15), range(9, 15)] *= 4
     nu = np.append([3.0, -6.0, 6.0], speed / 3 * np.array([2.0, 1.0, -2.0]))
-    interpreted(kalman.inflate)(P, nu, elapsed, 15)
+    interpret_kernel(kalman.inflate)(P, nu, elapsed, 15)
     np.testing.assert_allclose(P[:, :15], expected, rtol=1e-12)
 
 
 def test_a_plausible_fix_and_a_recovery_end_a_streak() -> None:
     schedule = Schedule(gate=20.0, implausible=25.0, agreeing=3, any_of=4)
-    gate_fix = interpreted(kalman.gate_fix)
+    gate_fix = interpret_kernel(kalman.gate_fix)
     P, streak, clock = np.eye(15), np.zeros(8), np.zeros(3)
     nu = np.array([0.0, 0.0, 0.0, np.sqrt(30), 0.0, 0.0])
     squares = [30.0, 30.0, 25.0, 30.0, 30.0, 20.0, 30.0, 30.0, 30.0, 30.0, 30.0]

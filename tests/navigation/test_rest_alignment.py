@@ -11,7 +11,7 @@ from lab import Experiment, earth
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY, si
 from lab.motion.frames.rotation import quaternion_from_euler
-from lab.navigation.alignment.rest_alignment import Means, align, begin, usual
+from lab.navigation.alignment.rest_alignment import Means, align, align_simulated, usual_covariance
 from lab.navigation.belief import belief
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS
@@ -100,7 +100,7 @@ def test_gyros_that_are_not_leave_the_heading_and_lose_their_biases() -> None:
 def test_the_variances_shown_before_a_run_are_about_those_of_the_run() -> None:
     experiment = Experiment(mission="los_angeles")
     card("ICM-20948").load(experiment)
-    shown = usual(experiment.sensors, experiment.navigator)
+    shown = usual_covariance(experiment.sensors, experiment.navigator)
     assert shown is not None
     found = experiment.run().aligned
     assert found is not None
@@ -110,7 +110,7 @@ def test_the_variances_shown_before_a_run_are_about_those_of_the_run() -> None:
     np.testing.assert_allclose(shown[~level], left[~level], rtol=0.15)
     np.testing.assert_allclose(shown[level], left[level], rtol=0.5)
     experiment.set("navigator.alignment", 0.0)
-    assert usual(experiment.sensors, experiment.navigator) is None
+    assert usual_covariance(experiment.sensors, experiment.navigator) is None
 
 
 SEEDS = 60
@@ -131,7 +131,7 @@ def test_the_errors_left_are_as_large_as_p_says(name: str, sigma: tuple[float, f
     for seed in range(SEEDS):
         rng = np.random.default_rng([seed, 7])
         before = off(true, np.radians(rng.normal(size=3) * sigma))
-        found = begin(before, true, experiment.sensors, experiment.navigator, seed)
+        found = align_simulated(before, true, experiment.sensors, experiment.navigator, seed)
         gyro, accelerometer = biases(experiment, seed)
         x = np.concatenate((error(found.start, true), found.gyro_bias - gyro, -accelerometer))
         P = found.P[np.ix_(kept, kept)]
@@ -163,7 +163,7 @@ def test_a_tilt_comes_with_the_misalignments_that_caused_it() -> None:
         misalignment = 0.05 * rng.choice([-1.0, 1.0], 6)
         experiment.set("sensors.accelerometer.misalignment", tuple(misalignment.tolist()))
         before = off(true, np.radians(rng.normal(size=3) * (0.5, 0.5, 0.05)))
-        found = begin(before, true, experiment.sensors, experiment.navigator, seed)
+        found = align_simulated(before, true, experiment.sensors, experiment.navigator, seed)
         P0 = belief(experiment.sensors, experiment.navigator, found.P).P0
         x = np.zeros(33)
         x[ATT], x[ACCEL_BIAS] = error(found.start, true), -biases(experiment, seed)[1]
@@ -196,12 +196,12 @@ def test_a_bias_found_at_rest_comes_with_the_sensitivity_that_is_in_it() -> None
     experiment.update({"navigator.states": 21, "navigator.estimate_g_sensitivity": True})
     true, total = at(4, -3, 60), 0.0
     force = into_body(true) @ [0.0, 0.0, -G]
-    felt = blocks.states_of((*blocks.SCALES, blocks.GYRO_G), blocks.GYRO_G)
+    felt = blocks.find_states((*blocks.SCALES, blocks.GYRO_G), blocks.GYRO_G)
     states = np.r_[GYRO_BIAS, felt]
     for seed in range(SEEDS):
         signs = np.random.default_rng([seed, 8]).choice([-1.0, 1.0], 3)
         experiment.set("sensors.gyro.g_sensitivity", tuple((0.05 * signs).tolist()))
-        found = begin(true, true, experiment.sensors, experiment.navigator, seed)
+        found = align_simulated(true, true, experiment.sensors, experiment.navigator, seed)
         P0 = belief(experiment.sensors, experiment.navigator, found.P).P0
         x = np.zeros(P0.shape[0])
         size = np.radians(0.05 * signs) / STANDARD_GRAVITY

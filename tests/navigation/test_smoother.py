@@ -21,7 +21,7 @@ from lab.experiment.stages import CACHE
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import wrap
 from lab.navigation import strapdown
-from lab.navigation.belief import schedule_of
+from lab.navigation.belief import schedule_filter
 from lab.navigation.filters import smoother
 from lab.navigation.filters.error_models import PHI
 from lab.navigation.filters.schedule import Schedule
@@ -200,7 +200,7 @@ def continued(result: Result) -> Solution:
         fixes,
         result.aligned.start,
         result.belief,
-        schedule_of(navigator, imu.step, imu.dtheta.shape[0]),
+        schedule_filter(navigator, imu.step, imu.dtheta.shape[0]),
         chosen_model(navigator, result.experiment.sensors),
     )
 

@@ -15,7 +15,7 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.motion.frames import earth
 from lab.navigation import standstill, strapdown
-from lab.navigation.kernels.generation import interpreted
+from lab.navigation.kernels.generation import interpret_kernel
 from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.standstill import SHORTEST, at_rest, standing_still
 
@@ -266,7 +266,7 @@ def gathered(swing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     swing
         Amplitude by which the rates swing from sample to sample [rad/s].
     """
-    gather, sums = interpreted(standstill.gather_rest), np.zeros(standstill.ROOM)
+    gather, sums = interpret_kernel(standstill.gather_rest), np.zeros(standstill.ROOM)
     state = np.zeros(strapdown.LENGTH)
     state[strapdown.Q_NB : strapdown.Q_NB + 4] = ATTITUDE.as_quat(scalar_first=True)
     bias, error = np.array([1e-3, -2e-3, 3e-3]), np.array([2e-4, 1e-4, -3e-4])
@@ -289,7 +289,7 @@ def test_an_update_at_rest_sees_the_error_of_the_bias_about_the_vertical(
     state, sums, error = gathered(swing)
     down = ATTITUDE.as_matrix()[2]
     sigma = np.linalg.norm(down * np.maximum(density, swing / np.sqrt(RATE)))
-    see, H = interpreted(standstill.predict_rest), np.zeros(6)
+    see, H = interpret_kernel(standstill.predict_rest), np.zeros(6)
     noise = np.append(np.square(density), np.ones(9))
     z = see(state, tuple(EARTH_N), noise, sums.copy(), H)
     assert z * sigma == pytest.approx(-down @ error, rel=1e-6)
@@ -306,7 +306,7 @@ def test_an_update_at_rest_sees_the_error_of_the_bias_about_the_vertical(
 
 
 def test_the_attitude_of_the_error_model_is_held_while_a_rest_lasts() -> None:
-    hold, sums = interpreted(standstill.hold_attitude), np.ones(standstill.ROOM)
+    hold, sums = interpret_kernel(standstill.hold_attitude), np.ones(standstill.ROOM)
     state = np.zeros(strapdown.LENGTH)
     hold(state, sums, False)
     np.testing.assert_array_equal(sums, 0)

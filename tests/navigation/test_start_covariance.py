@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.log.vehicle import vehicle_of
-from lab.data.streams.live_log import log_of
+from lab.data.streams.live_log import make_log
 from lab.live.live_navigator import LiveNavigator
 from lab.motion.frames import earth
 from lab.motion.frames.displacement import displaced, displacement
@@ -103,9 +103,11 @@ def test_what_the_filter_estimates_of_the_receiver_displaces_the_start():
     start = found((0, 0, 0), 1e-6)
     start = start._replace(start=start.start._replace(velocity_n=np.array([8.0, 0.0, 0.0])))
     P = covariance(start, names=names, suite=suite, **settings)
-    own = {name: P[np.ix_(range(3), range(*blocks.states_of(names, name).indices(len(P))))] for name in names}
+    own = {
+        name: P[np.ix_(range(3), range(*blocks.find_states(names, name).indices(len(P))))] for name in names
+    }
     drift, arm, late = (
-        np.diag(P)[blocks.states_of(names, name)]
+        np.diag(P)[blocks.find_states(names, name)]
         for name in (blocks.GPS_DRIFT, blocks.LEVER_ARM, blocks.LATENCY)
     )
     np.testing.assert_allclose(own[blocks.GPS_DRIFT], -np.diag(drift), atol=1e-9)
@@ -194,7 +196,7 @@ def tilts(
         feed(navigator, imu, fixes, repeat(50))
         time, made = solution_of(navigator).time, solution_of(navigator)
     else:
-        log = log_of("drive", imu, fixes, vehicle="car")
+        log = make_log("drive", imu, fixes, vehicle="car")
         run = navigate_log(log, experiment.sensors, experiment.navigator)
         time, made = run.imu.time, run.solution
     at = int(np.searchsorted(time, time[0] + 10.0))
@@ -262,7 +264,7 @@ def test_a_precise_receiver_away_from_the_imu(arm, begin):
         imu, fixes, truth = carded(
             experiment.sensors, seed, begin=begin, end=begin + 25.0, arm=arm, receiver=RTK
         )
-        log = log_of("drive", imu, fixes, np.array(arm), vehicle="car")
+        log = make_log("drive", imu, fixes, np.array(arm), vehicle="car")
         run = navigate_log(log, experiment.sensors, experiment.navigator)
         error = displacement(truth.position[:1], run.alignment.start.position[None])[0]
         errors.append(error / np.sqrt(np.diag(run.belief.P0)[POS]))

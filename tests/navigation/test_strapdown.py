@@ -21,7 +21,7 @@ from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.motion.frames.rotation import euler_from_quaternion
 from lab.navigation import strapdown
-from lab.navigation.kernels.generation import interpreted
+from lab.navigation.kernels.generation import interpret_kernel
 from lab.navigation.navigator import Imu
 
 LATITUDES = np.radians([-89.8, -60.0, -33.9, 0.0, 30.0, 45.5, 80.0, 89.8])
@@ -239,9 +239,9 @@ def test_sculling_drifts_as_the_algorithm_must(frequency: float) -> None:
 def test_a_course_that_is_kept_is_a_loxodrome(latitude: float, north: float) -> None:
     """Within a step the latitude changes too: λ = v_E / v_N times the difference of artanh sin L."""
     state = np.zeros(strapdown.LENGTH)
-    interpreted(strapdown.set_position)(state, latitude, 0.1, 300.0)
+    interpret_kernel(strapdown.set_position)(state, latitude, 0.1, 300.0)
     state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE] = 1 / 6.3e6, 1 / 6.4e6
-    interpreted(strapdown.move)(state, (north, 200.0, -5.0), 10.0)
+    interpret_kernel(strapdown.move)(state, (north, 200.0, -5.0), 10.0)
     there = latitude + 10 * north / 6.3e6
     way = (np.arctanh(np.sin(there)) - np.arctanh(np.sin(latitude))) * 200 / 6.4e6 * 6.3e6 / north
     # Of third order in a turn of 0.5 mrad.

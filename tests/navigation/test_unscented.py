@@ -29,7 +29,7 @@ from lab.motion.recordings.flight_csv import write_flight_csv
 from lab.navigation import navigator, strapdown, wander
 from lab.navigation.filters import sigma_points, unscented
 from lab.navigation.filters.schedule import Schedule
-from lab.navigation.kernels.generation import Variant, interpreted
+from lab.navigation.kernels.generation import Variant, interpret_kernel
 from lab.navigation.kernels.lane_points import MOST_TURN, step_kernel
 from lab.navigation.kernels.lane_views import LANES
 from lab.navigation.solution import Fixes, Imu, Solution, Start
@@ -177,7 +177,7 @@ def test_eight_points_abreast_are_each_advanced_as_one_is(seed: int, turn: float
     filter_ = random_filter(seed)
     spread(filter_)
     points, rng = points_of(filter_), np.random.default_rng(seed)
-    one = interpreted(strapdown.step, Variant(wander.STEP))
+    one = interpret_kernel(strapdown.step, Variant(wander.STEP))
     for _ in range(10):
         axis = rng.normal(size=3)
         dtheta, dvelocity = tuple(turn * axis / np.linalg.norm(axis)), tuple(rng.normal(0, 0.1, 3))

@@ -25,7 +25,7 @@ from lab.navigation.filters.schedule import Schedule
 from lab.navigation.filters.unscented_aids import observe_aid
 from lab.navigation.filters.unscented_filter import UnscentedFilter
 from lab.navigation.frames import keep_radii
-from lab.navigation.kernels.generation import Variant, interpreted
+from lab.navigation.kernels.generation import Variant, interpret_kernel
 from lab.navigation.kernels.lane_views import numbers, plain_numbers
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution, Start
@@ -50,7 +50,7 @@ def filter_at(latitude: float, seed: int, kind: int) -> UnscentedFilter:
     run.P[:] = root @ root.T
     state = run.state
     keep_radii(state)
-    state[np.array(blocks.places(NAMES))] = rng.normal(0, 1e-3, STATES - 9)
+    state[np.array(blocks.find_places(NAMES))] = rng.normal(0, 1e-3, STATES - 9)
     state[strapdown.PREVIOUS_VELOCITY :][:3] = state[strapdown.VELOCITY :][:3] + rng.normal(0, 0.1, 3)
     state[strapdown.PREVIOUS_DTHETA :][:3] = rng.normal(0, 0.002, 3)
     state[strapdown.PER_STEP] = 1 / DT
@@ -59,7 +59,7 @@ def filter_at(latitude: float, seed: int, kind: int) -> UnscentedFilter:
 
 def predicted(run: UnscentedFilter, kind: int, x: FloatArray) -> float:
     """Return the measurement that the navigator minus an error x predicts, by Earth-fixed axes."""
-    state, errors = run.state, dict(zip(blocks.places(NAMES), x[9:], strict=True))
+    state, errors = run.state, dict(zip(blocks.find_places(NAMES), x[9:], strict=True))
     C_ew = Rotation.from_quat(state[wander.Q_EW :][:4], scalar_first=True).as_matrix()
     up = -C_ew[:, 2]
     here = np.array([np.arcsin(up[2]), np.arctan2(up[1], up[0]), state[strapdown.HEIGHT]])
@@ -123,12 +123,12 @@ def test_an_update_is_that_of_a_plain_unscented_filter(kind: int, latitude: floa
         north_variance: wander.north_variance,
         numbers: plain_numbers,
     }
-    update = interpreted(observe_aid, Variant(own))
+    update = interpret_kernel(observe_aid, Variant(own))
     assert update(run, 0, AGE, DT, Schedule(), out)
     assert out.aid_innovation[0] == pytest.approx(nu, rel=1e-5, abs=1e-6)
     assert out.aid_variance[0] == pytest.approx(S, rel=1e-5)
     estimate = gain * nu
-    places = np.array(blocks.places(NAMES))
+    places = np.array(blocks.find_places(NAMES))
     sigma = np.sqrt(np.diag(P))
     found = np.concatenate(((before - run.state)[places], run.P[9:, 9:].ravel()))
     expected = np.concatenate((estimate[9:], (P - np.outer(gain, gain) * S)[9:, 9:].ravel()))

@@ -21,7 +21,7 @@ from lab.navigation.filters.error_models import ATT, MODELS, VEL
 from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.user_states import declared_states
 from lab.navigation.kernels import own_room
-from lab.navigation.kernels.generation import interpreted
+from lab.navigation.kernels.generation import interpret_kernel
 
 STEP = 1e-30
 
@@ -74,7 +74,7 @@ def test_columns_of_the_drift_are_derivatives_of_the_corrected_output(model: str
     F = np.zeros((whole.states, whole.states))
     whole.write(state, F)
     C_nb = np.eye(3) if whole.in_body else state[strapdown.C_NB :][:9].reshape(3, 3)
-    correct = interpreted(strapdown.corrected)
+    correct = interpret_kernel(strapdown.corrected)
     for name, rows, sign, of in (
         (
             blocks.GYRO_DRIFT,

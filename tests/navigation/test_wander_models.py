@@ -15,7 +15,7 @@ from lab.navigation import strapdown, wander
 from lab.navigation.filters import error_models
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, ErrorModel
 from lab.navigation.filters.wander_models import MODELS, linear_model
-from lab.navigation.kernels.generation import Variant, interpreted
+from lab.navigation.kernels.generation import Variant, interpret_kernel
 from lab.navigation.settings import NavigatorSettings
 
 LATITUDES = np.radians([-89.9999, -75.0, -45.0, -12.0, -0.5, 5.0, 33.0, 48.0, 89.0, 89.99999])
@@ -168,7 +168,7 @@ def put_quaternion(state: FloatArray, at: int, C: FloatArray) -> None:
     state[at : at + 4] = Rotation.from_matrix(C.real).as_quat(scalar_first=True)
 
 
-STEP = interpreted(strapdown.step, Variant(wander.STEP))
+STEP = interpret_kernel(strapdown.step, Variant(wander.STEP))
 
 
 def navigator_state(vehicle: Vehicle) -> FloatArray:
@@ -208,7 +208,7 @@ def test_every_entry_is_the_derivative_of_the_true_error_propagation(
     vehicle = random_vehicle(latitude)
     state = navigator_state(vehicle)
     F = np.zeros((15, 15))
-    interpreted(model.write)(state, F)
+    interpret_kernel(model.write)(state, F)
     expected, T = jacobians(model, vehicle)
     real = np.abs(expected) > ZERO
     worst = np.abs(F[real] / expected[real] - 1).max()

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from tornado.httputil import HTTPHeaders
 
-from dashboards.forwarded import believe, computer, is_encrypted, networks
+from dashboards.forwarded import computer, is_encrypted, networks, trust_proxies
 
 PROXY, VISITOR = "127.0.0.1", "203.0.113.7"
 
@@ -18,7 +18,7 @@ PROXY, VISITOR = "127.0.0.1", "203.0.113.7"
 def nobody() -> Iterator[None]:
     """Believe nobody after a test."""
     yield
-    believe(())
+    trust_proxies(())
 
 
 def request(remote: str, **headers: str) -> Any:
@@ -31,7 +31,7 @@ def test_nobody_is_believed_unless_named() -> None:
     lies = request(VISITOR, X_Forwarded_For="198.51.100.1", X_Forwarded_Proto="https")
     assert computer(lies) == VISITOR
     assert not is_encrypted(lies)
-    believe([PROXY])
+    trust_proxies([PROXY])
     assert computer(lies) == VISITOR
     assert not is_encrypted(lies)
 
@@ -49,12 +49,12 @@ def test_nobody_is_believed_unless_named() -> None:
     ],
 )
 def test_the_last_computer_that_is_no_proxy_counts(chain: str, found: str) -> None:
-    believe([PROXY, "172.16.0.0/12"])
+    trust_proxies([PROXY, "172.16.0.0/12"])
     assert computer(request(PROXY, X_Forwarded_For=chain)) == found
 
 
 def test_the_last_word_about_tls_counts() -> None:
-    believe([PROXY])
+    trust_proxies([PROXY])
     assert is_encrypted(request(PROXY, X_Forwarded_Proto="https"))
     assert is_encrypted(request(f"::ffff:{PROXY}", X_Forwarded_Proto="http, https"))
     assert not is_encrypted(request(PROXY, X_Forwarded_Proto="https, http"))

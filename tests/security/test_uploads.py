@@ -27,7 +27,7 @@ from dashboards.session import Session
 from dashboards.upload import PREFIX, Upload, remove_abandoned
 from dashboards.visitors import VARIABLE
 from lab.analysis.rest import read_log
-from lab.base.files.locks import folder_lock, hold
+from lab.base.files.locks import folder_lock, lock_folder
 from lab.missions import MissionError, describe_mission, missions
 from lab.missions import library as mission_library
 
@@ -160,9 +160,9 @@ def test_saving_waits_for_the_folder_in_a_thread(
     library = Library(Session(document))
     library._act("edit", "mine")
     library._title.value_input = "Another title"
-    held = hold(mine)
+    held = lock_folder(mine)
     assert held is not None
-    library._changing._try()  # would wait for the lock, held by this very thread
+    library._changing._try_action()  # would wait for the lock, held by this very thread
     assert waiting.wait(60)
     assert missions()["mine"].title == "My flight"
     held.close()
@@ -191,7 +191,7 @@ def _settle(document: Document, work: Job | LatestWins[bytes]) -> None:
 
 def test_a_folder_that_stays_locked_is_said_to_be(mine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mission_library, "folder_lock", lambda folder: folder_lock(folder, 0.05))
-    held = hold(mine)
+    held = lock_folder(mine)
     assert held is not None
     with held, pytest.raises(MissionError, match="another program has been changing this folder"):
         describe_mission("mine", title="Another title")

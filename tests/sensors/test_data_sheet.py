@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lab import SettingError
 from lab.sensors import cards
-from lab.sensors.data_sheet import BEYOND, DataSheet, asked, sheet_number, term_of, usual
+from lab.sensors.data_sheet import BEYOND, DataSheet, asked_terms, find_term, sheet_number, usual_range
 from lab.sensors.datum import ONE_SIDED, TWO_SIDED, WORDS
 from lab.sensors.suite import TRIADS, SensorSuite
 
@@ -25,7 +25,7 @@ def sheet(grade: str = "own") -> DataSheet:
 
 def in_setting(triad: str, word: str, text: str) -> object:
     """Return a number of a sheet in the unit of its setting."""
-    setting = term_of(triad, word)
+    setting = find_term(triad, word)
     return sheet_number(triad, setting, text, "sheet").datum.in_unit(
         SensorSuite().groups()[triad].param[setting].unit
     )
@@ -177,12 +177,12 @@ def test_what_a_card_needs_is_asked(arguments: tuple[str, str, str, str], words:
 
 def test_sane_limits_leave_every_card_in_and_every_wrong_prefix_out() -> None:
     for triad in TRIADS:
-        for term in asked(triad):
-            least, largest = usual(triad, term.setting)
+        for term in asked_terms(triad):
+            least, largest = usual_range(triad, term.setting)
             assert 0 < least <= largest
             assert SensorSuite().groups()[triad].param[term.setting].bounds[1] >= largest
     assert BEYOND**2 < 1000
-    assert set(WORDS.values()) <= {term.setting for triad in TRIADS for term in asked(triad)}
+    assert set(WORDS.values()) <= {term.setting for triad in TRIADS for term in asked_terms(triad)}
     assert {ONE_SIDED, TWO_SIDED} == {"one-sided", "two-sided"}
 
 

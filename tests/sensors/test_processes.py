@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import integrate, signal
 
 from lab.sensors.draws import unit_draws
-from lab.sensors.processes import flicker, gauss_markov, lagged, random_walk, settled_lag
+from lab.sensors.processes import apply_lag, flicker, gauss_markov, random_walk, settled_lag
 
 N = 2**17
 
@@ -103,7 +103,7 @@ def test_gauss_markov_has_unit_variance_from_the_first_sample_and_decays():
 
 def first_order_lag(inputs, start, cutoff):
     """Return the output of a lag that is in steady state at first."""
-    return lagged(inputs, settled_lag(start, cutoff), cutoff)[0]
+    return apply_lag(inputs, settled_lag(start, cutoff), cutoff)[0]
 
 
 @given(st.floats(-3, 3), st.floats(1e-6, 1e6))

@@ -8,7 +8,7 @@ import pytest
 from lab.experiment.experiment import Experiment
 from lab.experiment.stages import CACHE
 from lab.sensors import cards
-from lab.sensors.cards import grades, typical
+from lab.sensors.cards import grades, typical_terms
 from lab.sensors.suite import TRIADS
 
 TERMS = ("noise_density", "bias_sigma", "flicker", "scale_factor_sigma", "misalignment")
@@ -23,7 +23,7 @@ def test_every_grade_has_every_term_with_unit_and_source() -> None:
                 assert datum.unit
                 assert len(datum.source) > 20
                 assert not datum.unit.endswith("/√Hz") or datum.density
-    assert typical("own") == {}
+    assert typical_terms("own") == {}
 
 
 def test_what_is_called_the_catalogue_s_is_its_median() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from lab.analysis import rest
 from lab.sensors.suite import SensorSuite
-from lab.views.allan import AllanFigures, promised
+from lab.views.allan import AllanFigures, expected_deviation
 
 
 @pytest.mark.parametrize("step", [0.0, 0.05, 0.1])
@@ -20,7 +20,7 @@ def test_the_promise_holds_with_quantised_samples(step: float) -> None:
     tau = np.array([1.0, 2.0, 4.0, 8.0])
     found = [allantools.oadev(axis, rate=1.0, data_type="freq", taus=tau)[1] for axis in record.rates.T]
     mean = np.sqrt(np.mean(np.square(found), axis=0))
-    assert np.allclose(mean, promised(suite, "gyro", tau)[:, 0], rtol=0.02)
+    assert np.allclose(mean, expected_deviation(suite, "gyro", tau)[:, 0], rtol=0.02)
 
 
 def test_figures_take_a_record_and_forget_it() -> None:

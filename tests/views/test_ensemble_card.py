@@ -10,7 +10,7 @@ import pytest
 from lab.experiment.ensembles.epoch_sums import EpochSums
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
-from lab.views.ensemble_cards import inside
+from lab.views.ensemble_cards import describe_coverage
 
 
 @pytest.mark.parametrize(
@@ -25,6 +25,6 @@ def test_a_sentence_says_what_share_of_the_fixes_outside_chance_explains(high: i
     sums = EpochSums()
     sums.add(time, {"nees": nees, "nis": nis})
     one = run_ensemble(Experiment(mission="los_angeles").update({"trajectory.imu_rate": 20.0}), 1)
-    sentence = inside(replace(one, at_fixes=sums))
+    sentence = describe_coverage(replace(one, at_fixes=sums))
     assert f"interval at {100 - high} % (NEES) and 100 % (NIS) of the fixes" in sentence
     assert said in sentence

@@ -14,7 +14,7 @@ from lab.experiment.result import Result
 from lab.navigation.aids import NAMES
 from lab.views.figures import TimeAxis
 from lab.views.flight_plots import FLIGHT, sensor_plots
-from lab.views.quantities import kinds_of, times_of_aid
+from lab.views.quantities import kinds_of_aids, times_of_aid
 from lab.views.time_figures import TimeFigures
 
 PLOTS = {plot.name: plot for plot in FLIGHT}
@@ -31,7 +31,7 @@ def equipped() -> Result:
 
 
 def drawn(result: Result, name: str, label: str) -> np.ndarray:
-    plot = next(plot for plot in (*FLIGHT, *sensor_plots(kinds_of(result))) if plot.name == name)
+    plot = next(plot for plot in (*FLIGHT, *sensor_plots(kinds_of_aids(result))) if plot.name == name)
     return next(curve for curve in plot.curves if curve.label == label).read(result)
 
 
@@ -74,9 +74,9 @@ def test_the_imu_has_its_increments_over_the_interval_before_each_sample(equippe
 
 
 def test_other_sensors_stand_beside_what_the_filter_expects(equipped: Result) -> None:
-    plots = sensor_plots(kinds_of(equipped))
+    plots = sensor_plots(kinds_of_aids(equipped))
     assert [plot.name for plot in plots] == [
-        f"sensor_{NAMES[kind].replace(' ', '_')}" for kind in kinds_of(equipped)
+        f"sensor_{NAMES[kind].replace(' ', '_')}" for kind in kinds_of_aids(equipped)
     ]
     for plot, sensor in (("height", "barometer"), ("speed_forward", "odometer")):
         values = drawn(equipped, f"sensor_{plot}", "measured")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.data.protocols.sending import FrameEncoder, known, sent_fix, vector
+from lab.data.protocols.sending import FrameEncoder, known_fields, sent_fix, vector
 from writers.nmea import sentence
 
 GAUSS, KILOPASCAL = 1e-4, 1e3
@@ -33,7 +33,7 @@ class _Lines(FrameEncoder):
         cells += [f"{value:+07.3f}" for value in force] + [f"{value:+010.6f}" for value in rate]
         if self._form == "VNYMR":
             return sentence(",".join([self._form, "+000.000", "+000.000", "+000.000", *cells])).encode()
-        temperature, pressure = known(row, "temperature", "pressure")
+        temperature, pressure = known_fields(row, "temperature", "pressure")
         cells += [f"{temperature:+05.1f}", f"{pressure / KILOPASCAL:+08.3f}"]
         return sentence(",".join([self._form, *cells])).encode()
 

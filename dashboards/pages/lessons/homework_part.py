@@ -65,7 +65,7 @@ class HomeworkPart:
         )
         self._upload = Upload(
             self._uploaded,
-            self._refused,
+            self._report_refusal,
             most=1,
             largest=LARGEST,
             accept=".homework",
@@ -142,12 +142,12 @@ class HomeworkPart:
             sx=TITLE,
         )
         if found is not None:
-            button.on_click(lambda _event: self._show(found, shared=True))
+            button.on_click(lambda _event: self._open_homework(found, shared=True))
         words = f"{found.best:g} points" if found else f'<div class="problem">{escape(entry.problem)}</div>'
         about = pn.pane.HTML(f"<div>{words}</div>", margin=(0, 4), stylesheets=[SUMMARY])
         return plain_row(button, about, stylesheets=[ROW])
 
-    def _show(self, homework: Homework, *, shared: bool) -> None:
+    def _open_homework(self, homework: Homework, *, shared: bool) -> None:
         """Open a homework; the name of one of the server is in the address from now on."""
         self.open = homework
         self._session.homework = homework if shared else None
@@ -190,7 +190,7 @@ class HomeworkPart:
         self._problem.say("")
         self._reading.submit(paths[0])
 
-    def _refused(self, reason: str) -> None:
+    def _report_refusal(self, reason: str) -> None:
         self._problem.say(f"The homework is not accepted. {reason}")
 
     def _deliver(self, _path: Path, outcome: Outcome) -> None:
@@ -199,6 +199,6 @@ class HomeworkPart:
 
     def _arrive(self, outcome: Outcome) -> None:
         if outcome.problem:
-            self._refused(f"{outcome.problem}.")
+            self._report_refusal(f"{outcome.problem}.")
         else:
-            self._show(outcome.result, shared=False)
+            self._open_homework(outcome.result, shared=False)

@@ -123,7 +123,7 @@ class HomeworkView:
             self._name,
             self._file,
             self._said,
-            self._away(),
+            self._hand_in_widgets(),
         ]
         for entry in [one for one in (self._name, self._faults, *self._entries) if one is not None]:
             entry.param.watch(lambda _event: self._doings.changed(), "value")
@@ -176,7 +176,9 @@ class HomeworkView:
         goals = [goal for goal in homework.goals if goal.text]
         if not goals:
             return []
-        listed = "".join(f"<li>{_unwrapped(goal.text)} · {_points(goal.points)}</li>" for goal in goals)
+        listed = "".join(
+            f"<li>{_unwrap_paragraph(goal.text)} · {_points(goal.points)}</li>" for goal in goals
+        )
         return [self._html(f"<h3>What your settings should reach</h3><ul>{listed}</ul>")]
 
     def _answers(self) -> Answers:
@@ -207,7 +209,7 @@ class HomeworkView:
         take.on_click(lambda _event: self._doings.take())
         return plain_row(again, take, stylesheets=[BUTTONS])
 
-    def _away(self) -> pn.viewable.Viewable:
+    def _hand_in_widgets(self) -> pn.viewable.Viewable:
         away = pmui.Button(label="All lessons", icon="list", variant="text", size="small", margin=(14, 4))
         away.on_click(lambda _event: self._doings.close())
         return plain_row(away, stylesheets=[BUTTONS])
@@ -227,7 +229,7 @@ def _points(points: float) -> str:
     return f'<span class="where">{points:g} point{"" if points == 1 else "s"}</span>'
 
 
-def _unwrapped(text: str) -> str:
+def _unwrap_paragraph(text: str) -> str:
     """Return a text of one paragraph without the element of its paragraph."""
     return text_html(text).removeprefix("<p>").removesuffix("</p>")
 

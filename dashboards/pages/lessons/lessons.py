@@ -224,16 +224,16 @@ class Lessons(Page):
         """Go back to the list; a hidden fault is turned off."""
         self._lesson = None
         self._lay_out()
-        self._turn_off()
+        self._turn_faults_off()
         self._session.acted()
 
     def _homework_changed(self) -> None:
         """Show a homework that was opened, or the list after it was closed."""
         self._lay_out()
         if self._homework.open is None:
-            self._turn_off()
+            self._turn_faults_off()
 
-    def _turn_off(self) -> None:
+    def _turn_faults_off(self) -> None:
         """Turn off whatever is hidden."""
         if self._session.experiment.hidden:
             plain = Experiment().update(self._session.experiment.to_dict())

@@ -103,7 +103,7 @@ class StepView:
         self._said.object = ""
         self.show_progress(lesson, number, solved)
         text = self._html(f"<h2>{escape(step.title)}</h2>{text_html(step.text)}")
-        parts = [self._head, text, self._doing(step)]
+        parts = [self._head, text, self._action_buttons(step)]
         if step.question:
             parts.append(self._html(text_html(step.question)))
         if self._entry is not None:
@@ -126,13 +126,13 @@ class StepView:
         """Show what there is to say of an answer."""
         kind, word = _KINDS[outcome.right]
         words = f"<p><b>{word}</b></p>" if word else ""
-        self._say(kind, words + text_html(outcome.text))
+        self._show_outcome(kind, words + text_html(outcome.text))
 
     def warn(self, sentence: str) -> None:
         """Show a sentence in plain text in place of what is said of an answer."""
-        self._say("wrong", escape(sentence))
+        self._show_outcome("wrong", escape(sentence))
 
-    def _say(self, kind: str, inside: str) -> None:
+    def _show_outcome(self, kind: str, inside: str) -> None:
         self._said.object = f'<div class="step"><div class="said {kind}">{html_as_seen(inside)}</div></div>'
 
     def _html(self, inside: str) -> pn.pane.HTML:
@@ -147,7 +147,7 @@ class StepView:
             return value if value in step.choices else None
         return value[:LONGEST_ANSWER] if isinstance(value, str) else None
 
-    def _doing(self, step: Step) -> pn.viewable.Viewable:
+    def _action_buttons(self, step: Step) -> pn.viewable.Viewable:
         """Return the buttons that apply settings, and go to another page."""
         buttons, common = [], {"variant": "outlined", "size": "small", "margin": (4, 4)}
         if step.settings is not None:

@@ -12,10 +12,10 @@ import panel_material_ui as pmui
 
 from dashboards.card_maker import CardMaker
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
-from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.base import make_hideable, plot_grid
 from dashboards.pages.live.spectrum_part import SpectrumPart
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import sized
+from dashboards.pages.missions.entry_fields import layout_width
 from dashboards.sending import soon, together
 from dashboards.session import Session
 from dashboards.style import whole_column, wide_html
@@ -53,11 +53,16 @@ class AllanPart(PartOfWatched):
         self._document = pn.state.curdoc
         self._seen = 0.0, 0  # length [s] of the record that is shown, and how often it had begun again
         self._figures = AllanFigures()
-        self._grid = hideable(plot_grid(self._figures.figures, 2, least=360, beside=ABOVE))
+        self._grid = make_hideable(plot_grid(self._figures.figures, 2, least=360, beside=ABOVE))
         self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
         self._words = wide_html(margin=(4, 10))
         self._wanted = pmui.Select(
-            label="Wanted τ", options=list(WANTED), value="100 s", size="small", margin=(8, 4), **sized(110)
+            label="Wanted τ",
+            options=list(WANTED),
+            value="100 s",
+            size="small",
+            margin=(8, 4),
+            **layout_width(110),
         )
         self._wanted.param.watch(lambda _event: self.tell(), "value")
         self._maker = CardMaker(lambda: self._station, _records)
@@ -155,11 +160,15 @@ def _wait(left: float, tau: float, duration: float) -> str:
     """Return how long the device must still be at rest."""
     if math.isnan(left):
         return ""
-    words = f"τ = {tau:g} s is reached." if left <= 0 else f"τ = {tau:g} s is reached in {_spoken(left)}."
+    words = (
+        f"τ = {tau:g} s is reached."
+        if left <= 0
+        else f"τ = {tau:g} s is reached in {_format_duration(left)}."
+    )
     if duration < LEAST_FOR_CARD:
-        words += f" A card can be made in {_spoken(LEAST_FOR_CARD - duration)}."
+        words += f" A card can be made in {_format_duration(LEAST_FOR_CARD - duration)}."
     return words
 
 
-def _spoken(seconds: float) -> str:
+def _format_duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

@@ -13,9 +13,9 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.algorithms import live_places
-from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.base import make_hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, RollingPart, Watched
-from dashboards.pages.missions.entry_fields import sized
+from dashboards.pages.missions.entry_fields import layout_width
 from dashboards.style import whole_column, wide_html
 from lab.base.arrays import FloatArray
 from lab.live.beside.attitude_comparison import DEVICE, OURS, AttitudeComparison, Difference
@@ -58,7 +58,7 @@ class AttitudesPart(RollingPart):
         self._anew = begin_anew
         self._figures: LiveAttitudeFigures = LiveAttitudeFigures(window)
         self._words = wide_html(margin=(4, 10), stylesheets=[_TABLE])
-        self._grid = hideable(plot_grid(self._figures.figures, 3, least=280, beside=ABOVE))
+        self._grid = make_hideable(plot_grid(self._figures.figures, 3, least=280, beside=ABOVE))
         names = list(self._places)
         self._choice = pmui.Select(
             label="Your algorithm",
@@ -67,7 +67,7 @@ class AttitudesPart(RollingPart):
             size="small",
             margin=(8, 10),
             visible=bool(names),
-            **sized(240),
+            **layout_width(240),
         )
         self._choice.param.watch(lambda _event: self._anew(), "value")
         self.view = whole_column(pn.Row(self._choice, margin=0), self._grid, self._words)

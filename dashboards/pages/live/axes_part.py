@@ -13,7 +13,7 @@ import panel_material_ui as pmui
 from dashboards.notice import Notice
 from dashboards.pages.live.field_part import FieldPart
 from dashboards.pages.live.watched import PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import WRAP, fields_row, sized
+from dashboards.pages.missions.entry_fields import WRAP, fields_row, layout_width
 from dashboards.style import plain_row, whole_column, wide_html
 from dashboards.upload import Upload, without_folder
 from lab.base.files.mission_error import MissionError
@@ -136,7 +136,7 @@ class AxesPart(PartOfWatched):
         self._calibration.disabled = watched is None or not may
 
     def _row(self, name: str) -> pn.Row:
-        button = pmui.Button(label="Capture", **_SMALL, **sized(100))
+        button = pmui.Button(label="Capture", **_SMALL, **layout_width(100))
         button.on_click(lambda _event: self._accept(name))
         shown = wide_html(margin=(8, 6))
         self._shown[name] = shown

@@ -7,11 +7,11 @@ from html import escape
 
 import numpy as np
 
-from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.base import make_hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, RollingPart, Watched
 from dashboards.seen_names import as_seen
 from dashboards.style import whole_column, wide_html
-from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
+from lab.live.live_errors import LiveErrors, errors_of, join_errors, normalised_rms
 from lab.live.live_state import HistoryCursor
 from lab.motion.truth.growing_truth import TrueMotion
 from lab.views.rolling_figures import LiveErrorFigures
@@ -45,8 +45,8 @@ class ErrorsPart(RollingPart):
         self._figures: LiveErrorFigures = LiveErrorFigures(window)
         self._words = wide_html(margin=(4, 10))
         figures = self._figures.figures
-        self._of_position = hideable(plot_grid(figures[:6], 3, 205, beside=ABOVE))
-        self._of_attitude = hideable(plot_grid(figures[6:], 3, 205, beside=ABOVE))
+        self._of_position = make_hideable(plot_grid(figures[:6], 3, 205, beside=ABOVE))
+        self._of_attitude = make_hideable(plot_grid(figures[6:], 3, 205, beside=ABOVE))
         self.view = whole_column(self._words, self._of_position, self._of_attitude)
         self.watch(None)
 
@@ -103,7 +103,7 @@ class ErrorsPart(RollingPart):
             waits = f"No errors yet: the navigator has no attitude. {as_seen(state.reason)}"
             self._words.object = f"<p>{escape(waits)}</p>"
             return
-        rms = normalised_rms(joined(self._recent))
+        rms = normalised_rms(join_errors(self._recent))
         parts = [f"{name} {value:.2f} σ" for name, value in rms.items() if np.isfinite(value)]
         sentence = (
             f"Errors are estimate minus truth. Their rms over the last {_RECENT:g} s, in σ: "

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.base import make_hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, LookingPart, Watched
 from dashboards.style import whole_column, wide_html
 from lab.base.arrays import FloatArray
 from lab.data.streams.axis_map import AxisMap
-from lab.live.bench.field_sphere import FieldSphere, sphere_of
+from lab.live.bench.field_sphere import FieldSphere, fit_sphere
 from lab.live.station import Station
 from lab.views.bench_figures import FieldFigures
 
@@ -45,7 +45,7 @@ class FieldPart(LookingPart):
         self._figures = FieldFigures()
         self._words = wide_html(margin=(4, 10))
         grid = plot_grid(self._figures.figures, 3, least=260, beside=ABOVE)
-        self.view = hideable(whole_column(self._words, grid))
+        self.view = make_hideable(whole_column(self._words, grid))
 
     def watch(self, watched: Watched | None) -> None:
         """Show another source, or none."""
@@ -62,7 +62,7 @@ class FieldPart(LookingPart):
         begin = max(self._since, end.imu - SAMPLES)
         fields = source.since(end._replace(imu=begin)).imu["magnetic"]
         fields = fields[np.isfinite(fields).all(axis=1) & fields.any(axis=1)]
-        return _Found(fields[:: max(-(-len(fields) // POINTS), 1)], sphere_of(fields))
+        return _Found(fields[:: max(-(-len(fields) // POINTS), 1)], fit_sphere(fields))
 
     def show(self, found: _Found) -> None:
         """Draw them."""

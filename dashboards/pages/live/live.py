@@ -22,9 +22,9 @@ from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import Chosen, SourceFields
 from dashboards.pages.live.status_line import NO_SOURCE, StatusLine
 from dashboards.pages.live.twin_part import TwinPart
-from dashboards.pages.live.wanted import not_as_wanted
+from dashboards.pages.live.wanted import describe_difference
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.pages.missions.job import Job
 from dashboards.sending import together
 from dashboards.session import Session
@@ -94,7 +94,12 @@ class Live(PartOfWatched, Page):
         self._share = pmui.Switch(label="Share with the class", visible=False, margin=(14, 8), align="center")
         self._share.param.watch(lambda event: self._share_or_not(event.new), "value")
         self._window = pmui.Select(
-            label="Shown", options=list(WINDOWS), value="20 s", size="small", margin=(8, 4), **sized(110)
+            label="Shown",
+            options=list(WINDOWS),
+            value="20 s",
+            size="small",
+            margin=(8, 4),
+            **layout_width(110),
         )
         self._window.param.watch(lambda event: self._widen(event.new), "value")
         self._readout = AttitudeReadout()
@@ -146,7 +151,7 @@ class Live(PartOfWatched, Page):
         """Begin to follow the stream."""
         self._visible = True
         self._fields.refresh()
-        self._look_on()
+        self._look_repeatedly()
         self._recorder.offer.follow()
         self._turn()
 
@@ -155,7 +160,7 @@ class Live(PartOfWatched, Page):
         self._visible = False
         self._recorder.offer.rest()
         self._unwatch()
-        self._look_on()
+        self._look_repeatedly()
         self._stage[:] = []  # `appear` fills the plots before a browser has them
 
     def close(self) -> None:
@@ -167,7 +172,7 @@ class Live(PartOfWatched, Page):
         self._inviting.close()
         for part in self._parts.values():
             part.close()
-        self._leave()
+        self._leave_station()
 
     def _turn(self) -> None:
         """Show the chosen part.
@@ -196,7 +201,7 @@ class Live(PartOfWatched, Page):
         for part in (*self._parts.values(), self._question):
             part.watch(watched)
 
-    def _look_on(self) -> None:
+    def _look_repeatedly(self) -> None:
         """Look at offers and rights now and then while the page is visible or watches, and else no more."""
         assert self._document is not None
         wanted = (self._visible or self._watched is not None) and not self._closed
@@ -211,7 +216,7 @@ class Live(PartOfWatched, Page):
         if self._watched is None:
             self._fields.follow()
         elif self._watched.station is None:
-            self._lose()
+            self._stop_watching()
         else:
             self._show_rights()
             if self._periodic is None:  # hidden or paused: a recording that ends all the same is not left
@@ -231,7 +236,7 @@ class Live(PartOfWatched, Page):
         if self._watched is not None:
             self._watched.share(shared is True)  # a hand-made message may contain any value
 
-    def _lose(self) -> None:
+    def _stop_watching(self) -> None:
         """Stop watching, because the visitor may not any more; what was drawn is removed."""
         assert self._document is not None
         with together(self._document):
@@ -293,31 +298,33 @@ class Live(PartOfWatched, Page):
         visitor = self._session.visitor()
         self._job.start(
             "Connecting",
-            lambda _progress: self._opened(chosen, watcher, visitor),
-            lambda opened: self._came(watcher, *opened),
+            lambda _progress: self._open_station(chosen, watcher, visitor),
+            lambda opened: self._show_station(watcher, *opened),
         )
 
-    def _opened(self, chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Station, list[str]]:
+    def _open_station(
+        self, chosen: Chosen, watcher: object, visitor: Visitor
+    ) -> tuple[str, Station, list[str]]:
         """Return what `_open` does; in a thread."""
         try:
             key, station, differences = _open(chosen, watcher, visitor)
             if differences and STATIONS.watchers(key) == 1:  # the others have just left
-                _leave(key, watcher)
+                _release_station(key, watcher)
                 key, station, differences = _open(chosen, watcher, visitor)
         except ValueError:
             if chosen.phone is not None:
                 forget_phone(chosen.phone)
             raise
         if self._closed:  # meanwhile: nobody would leave it
-            _leave(key, watcher)
+            _release_station(key, watcher)
         return key, station, differences
 
-    def _came(self, watcher: object, key: str, station: Station, differences: list[str]) -> None:
+    def _show_station(self, watcher: object, key: str, station: Station, differences: list[str]) -> None:
         if differences:
             others = STATIONS.watchers(key) - 1
-            LONG.submit(_leave, key, watcher)
+            LONG.submit(_release_station, key, watcher)
             self._fields.offer_to_watch(key)
-            self._job.say(not_as_wanted(station.name, differences, others), "warning")
+            self._job.say(describe_difference(station.name, differences, others), "warning")
             return
         self._watched = watched = Watched(key, watcher, station, self._session.visitor)
         self._connect.param.update(label="Disconnect", icon="sensors_off", color="default")
@@ -326,27 +333,29 @@ class Live(PartOfWatched, Page):
         self._recorder.watch(watched)
         self._show_parts_of(watched)
         self._show_rights()
-        self._look_on()
+        self._look_repeatedly()
         self._begin_anew()
 
     def _disconnect(self, sentence: str) -> None:
         self._unwatch()
         self._recorder.watch(None)
         self._show_parts_of(None)
-        self._leave()
+        self._leave_station()
         self._connect.param.update(label="Connect", icon="sensors", color="primary")
         self._pause.param.update(disabled=True, label="Pause", icon="pause")
         self._show_rights()
-        self._look_on()
+        self._look_repeatedly()
         self._fields.view.visible = True
         self._readout.clear()
         self._status.say(sentence)
         self._fields.refresh()
 
-    def _leave(self) -> None:
+    def _leave_station(self) -> None:
         watched, self._watched = self._watched, None
         if watched is not None:
-            LONG.submit(_leave, watched.key, watched.watcher)  # the last one waits for threads to end
+            LONG.submit(
+                _release_station, watched.key, watched.watcher
+            )  # the last one waits for threads to end
 
     def _begin_anew(self) -> None:
         """Fill the plots with what the station still has, and follow it."""
@@ -361,7 +370,7 @@ class Live(PartOfWatched, Page):
             self._advance()
         self._report()
         if self._visible and self._pause.label == "Pause":
-            self._periodic = self._document.add_periodic_callback(self._tick, TICK)
+            self._periodic = self._document.add_periodic_callback(self._refresh_page, TICK)
 
     def _unwatch(self) -> None:
         if self._periodic is not None and self._document is not None:
@@ -380,7 +389,7 @@ class Live(PartOfWatched, Page):
             self._pause.param.update(label="Pause", icon="pause")
             self._begin_anew()
 
-    def _tick(self) -> None:
+    def _refresh_page(self) -> None:
         assert self._document is not None
         watched = self._watched
         if watched is None or watched.station is None:
@@ -494,7 +503,7 @@ def _open(chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Stati
     return key, station, [] if wanted is None or station in made else wanted.differences(station)
 
 
-def _leave(key: str, watcher: object) -> None:
+def _release_station(key: str, watcher: object) -> None:
     """Stop watching, and give the memory back; a phone that nobody watches any more is told."""
     ended = STATIONS.leave(key, watcher)
     give_back()

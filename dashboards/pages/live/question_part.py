@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 
 from dashboards.notice import Notice
 from dashboards.pages.live.watched import PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.style import plain_column, wide_html
 from lab.data.protocols.column_guess import cells_to_name
 from lab.data.protocols.column_map import IGNORED, QUANTITIES, ColumnMapError
@@ -124,7 +124,7 @@ class QuestionPart(PartOfWatched):
 
     def _choice(self, number: int) -> Any:
         choice = pmui.Select(
-            label=f"Column {number}", options=list(_OFFERED), value=IGNORED, **_SMALL, **sized(150)
+            label=f"Column {number}", options=list(_OFFERED), value=IGNORED, **_SMALL, **layout_width(150)
         )
         choice.param.watch(lambda _event: self._show_command(), "value")
         return choice

@@ -68,8 +68,8 @@ def raw_html(frames: list[bytes]) -> str:
         return "<p>No byte has come yet.</p>"
     readable = all(frame.isascii() and frame.strip().decode("ascii").isprintable() for frame in frames)
     rows = "".join(
-        f"<tr><td>{len(frame)}</td><td>{_cut(frame[:LONGEST].hex(' '), frame)}</td>"
-        f"<td>{_cut(escape(frame[:LONGEST].translate(_TEXT).decode('latin-1')), frame)}</td></tr>"
+        f"<tr><td>{len(frame)}</td><td>{_cut_frame(frame[:LONGEST].hex(' '), frame)}</td>"
+        f"<td>{_cut_frame(escape(frame[:LONGEST].translate(_TEXT).decode('latin-1')), frame)}</td></tr>"
         for frame in reversed(frames)
     )
     head = "<tr><th>Bytes</th><th>Hexadecimal</th><th>Text</th></tr>"
@@ -77,5 +77,5 @@ def raw_html(frames: list[bytes]) -> str:
     return f"<p>The last of what came, newest first.</p><table{kind}>{head}{rows}</table>"
 
 
-def _cut(shown: str, frame: bytes) -> str:
+def _cut_frame(shown: str, frame: bytes) -> str:
     return f"{shown} …" if len(frame) > LONGEST else shown

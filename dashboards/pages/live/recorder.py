@@ -10,9 +10,9 @@ from typing import NamedTuple
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.live.unfinished_part import UnfinishedPart, name_of
+from dashboards.pages.live.unfinished_part import UnfinishedPart, recording_name
 from dashboards.pages.live.watched import PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import sized
+from dashboards.pages.missions.entry_fields import layout_width
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
 from dashboards.style import plain_column, plain_row
@@ -21,7 +21,7 @@ from lab.base.progress import Progress
 from lab.data.streams.raw_recording import SUFFIX
 from lab.data.streams.recorded_log import log_of_recording
 from lab.data.streams.source_status import Status
-from lab.data.streams.unfinished import hold, mark, release, unmark
+from lab.data.streams.unfinished import hold_recording, mark, release, unmark
 from lab.live.station import Station
 from lab.missions import own_folder
 from lab.missions.library import add_log, free_name
@@ -73,7 +73,7 @@ class Recorder(PartOfWatched):
         self.view = plain_column(plain_row(self._job.view, self._open), self.offer.view)
         self._field = pmui.TextInput(
             label="Recording", value="recording", size="small", variant="outlined", margin=(8, 4),
-            **sized(140),
+            **layout_width(140),
         )  # fmt: skip
         # Two buttons: who presses Record while another page begins must not stop what that one records.
         self._record = pmui.Button(
@@ -111,7 +111,7 @@ class Recorder(PartOfWatched):
                 self._show_idle()
                 self._job.say("The recording has ended.", "info")
         if running is not None and self._path is None:
-            self._adopt(running)
+            self._show_foreign_recording(running)
         elif self._path is not None and status.warning:
             self._job.say(status.warning, "warning")
         if station.recorded != self._heard:
@@ -157,14 +157,14 @@ class Recorder(PartOfWatched):
             if running is None:
                 self._job.say(str(error))
             else:  # another page was faster
-                self._adopt(running)
+                self._show_foreign_recording(running)
             return
         self._recorded_from = station
         self._open.visible = False
         self._show_running(path, own=True)
         self._job.say(f"Recording into {path.name}.", "info")
 
-    def _adopt(self, running: Path) -> None:
+    def _show_foreign_recording(self, running: Path) -> None:
         """Show a recording that another page began."""
         self._show_running(running, own=False)
         self._job.say(f"Another page records into {running.name}; Stop ends it for all.", "info")
@@ -184,18 +184,18 @@ class Recorder(PartOfWatched):
         if path is None or station is None or not may_edit():
             return
         station.source.stop_recording(path)
-        if not hold(path):
+        if not hold_recording(path):
             self._job.say("The recording was ended on another page.", "info")
             return
         warning = station.source.status.warning
         title = f"Recorded from {station.name}"
-        self._stopped.append(_Stopped(path, name_of(path), title, station, warning))
+        self._stopped.append(_Stopped(path, recording_name(path), title, station, warning))
         self._job.start("Making a mission of the recording", self._make, self._made)
 
     def _finish(self, path: Path, name: str) -> None:
         """Make a mission of an unfinished recording; raises `ValueError` for a name that is not accepted."""
         name = accepted_name(name)
-        if not hold(path):
+        if not hold_recording(path):
             raise ValueError(f"Another page works on {path.name}.")
         self._stopped.append(_Stopped(path, name, "Recorded, and finished later", None))
         self._job.start("Making a mission of the recording", self._make, self._made)

@@ -10,7 +10,7 @@ import panel_material_ui as pmui
 from dashboards.devices import STATIONS, allowed_devices
 from dashboards.field_text import number
 from dashboards.pages.live.wanted import Wanted
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.session import Session
 from dashboards.style import plain_column, wide_html
 from lab.base.cache import digest
@@ -121,17 +121,21 @@ class SourceFields:
         self._session = session
         self._answers: dict[str, dict[str, str]] = {}  # what was said of devices, by their addresses
         self._source = pmui.Select(
-            label="Source", options=self._offers(), value=SIMULATED, **_FIELD, **sized(240)
+            label="Source", options=self._offers(), value=SIMULATED, **_FIELD, **layout_width(240)
         )
         self._source.param.watch(lambda _event: self._turn(), "value")
         self._device = pmui.Select(
             label="Device", options=[name for name in ENCODERS if name != "nmea"], value="vectornav",
-            **_FIELD, **sized(130),
+            **_FIELD, **layout_width(130),
         )  # fmt: skip
         self._rate = pmui.Select(
-            label="Rate", options={f"{rate} Hz": rate for rate in RATES}, value=100, **_FIELD, **sized(100)
+            label="Rate",
+            options={f"{rate} Hz": rate for rate in RATES},
+            value=100,
+            **_FIELD,
+            **layout_width(100),
         )
-        size = sized(220)
+        size = layout_width(220)
         self._faults = pmui.MultiChoice(
             label="Simulated fault",
             options=list(FAULTS),
@@ -140,16 +144,22 @@ class SourceFields:
             margin=(8, 4),
             **size | {"stylesheets": [*size["stylesheets"], _AS_SMALL]},
         )
-        self._protocol = pmui.Select(label="Protocol", options=_PROTOCOLS, value="", **_FIELD, **sized(140))
+        self._protocol = pmui.Select(
+            label="Protocol", options=_PROTOCOLS, value="", **_FIELD, **layout_width(140)
+        )
         self._axes = pmui.TextInput(
-            label="Axes forward, right, down", value="x,y,z", placeholder="x,y,z", **_FIELD, **sized(170)
+            label="Axes forward, right, down",
+            value="x,y,z",
+            placeholder="x,y,z",
+            **_FIELD,
+            **layout_width(170),
         )
         self._columns = pmui.TextInput(
-            label="Columns of text lines", placeholder="found out", **_FIELD, **sized(250)
+            label="Columns of text lines", placeholder="found out", **_FIELD, **layout_width(250)
         )
         self._protocol.param.watch(lambda _event: self._turn(), "value")
         self._heading = pmui.TextInput(
-            label="Initial heading [°]", placeholder="found out", **_FIELD, **sized(170)
+            label="Initial heading [°]", placeholder="found out", **_FIELD, **layout_width(170)
         )
         self._note = wide_html(margin=(0, 6), styles={"opacity": "0.7", "font-size": "13px"})
         self.view = plain_column(
@@ -176,7 +186,7 @@ class SourceFields:
     def follow(self) -> None:
         """Offer what is there now, if another source may be watched than when it was last offered."""
         offered = {name: value for name, value in self._source.options.items() if value.startswith(WATCHED)}
-        if offered != self._watchable():
+        if offered != self._watchable_sources():
             self.refresh()
 
     def offer_to_watch(self, key: str) -> None:
@@ -186,9 +196,14 @@ class SourceFields:
             self._source.value = f"{WATCHED}{key}"
 
     def _offers(self) -> dict[str, str]:
-        return {"Simulated device": SIMULATED, "A phone": PHONE, **allowed_devices(), **self._watchable()}
+        return {
+            "Simulated device": SIMULATED,
+            "A phone": PHONE,
+            **allowed_devices(),
+            **self._watchable_sources(),
+        }
 
-    def _watchable(self) -> dict[str, str]:
+    def _watchable_sources(self) -> dict[str, str]:
         """Return what is open and may be watched from this page."""
         names = STATIONS.names(self._session.visitor())
         return {f"Watch: {name}": f"{WATCHED}{key}" for key, name in names.items()}
@@ -202,7 +217,7 @@ class SourceFields:
             field.visible = simulated
         phone = self._source.value == PHONE
         self._protocol.visible = not (simulated or watched or phone or xplane)
-        given = self._given() if self._protocol.visible else {}
+        given = self._given_options() if self._protocol.visible else {}
         self._offer_protocols(given.get("protocol", ""))
         self._columns.visible = self._protocol.visible and self._protocol.value in ("", TextLines.name)
         self._columns.placeholder = given.get("columns", "found out")
@@ -224,7 +239,7 @@ class SourceFields:
         """
         self._answers.setdefault(source, {})[option] = text
 
-    def _given(self) -> dict[str, str]:
+    def _given_options(self) -> dict[str, str]:
         """Return the options with which this server opens the chosen device."""
         source = str(self._source.value)
         return Address.of(source).options if source in allowed_devices().values() else {}
@@ -250,7 +265,7 @@ class SourceFields:
         axes = AxisMap.of(str(self._axes.value_input or self._axes.value or "x,y,z"))
         sensors, navigator = experiment.sensors, experiment.navigator
         if source == SIMULATED:
-            return self._simulated(experiment, axes)
+            return self._choose_simulated(experiment, axes)
         if source not in allowed_devices().values():
             raise ValueError(
                 f"{source}: this server does not open it; --allow-device of ins-lab serve allows it"
@@ -315,7 +330,7 @@ class SourceFields:
 
         return Chosen(digest(str(address), experiment.to_dict()), make)
 
-    def _simulated(self, experiment: Experiment, axes: AxisMap) -> Chosen:
+    def _choose_simulated(self, experiment: Experiment, axes: AxisMap) -> Chosen:
         """Return a simulated device."""
         device = self._device.value if self._device.value in ENCODERS else "vectornav"
         rate = float(self._rate.value) if self._rate.value in RATES else 100.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.base import make_hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, LookingPart, Watched
 from dashboards.session import Session
 from dashboards.style import whole_column, wide_html
 from lab.live.station import Station
-from lab.live.stream_statistics import SEGMENT, Spectrum, spectrum_of
+from lab.live.stream_statistics import SEGMENT, Spectrum, compute_spectrum
 from lab.sensors.suite import TRIADS
 from lab.views.twin_comparison import SpectrumFigures, promised_density
 
@@ -46,7 +46,7 @@ class SpectrumPart(LookingPart):
         self._figures = SpectrumFigures("the settings")
         words = wide_html(_WORDS, margin=(4, 10))
         grid = plot_grid(self._figures.figures, 2, least=300, beside=ABOVE)
-        self.view = hideable(whole_column(words, grid))
+        self.view = make_hideable(whole_column(words, grid))
 
     def watch(self, watched: Watched | None) -> None:
         """Show another source, or none."""
@@ -85,4 +85,4 @@ def recent_spectrum(imu: NDArray[np.void]) -> Spectrum:
     if len(rows) < 2 or rows["time"][-1] - rows["time"][0] < LEAST:
         raise ValueError("The stream is too short for a spectrum")
     dt = float(rows["time"][-1] - rows["time"][0]) / (len(rows) - 1)
-    return spectrum_of({"gyro": rows["rate"], "accelerometer": rows["force"]}, dt, "mean")
+    return compute_spectrum({"gyro": rows["rate"], "accelerometer": rows["force"]}, dt, "mean")

@@ -12,7 +12,7 @@ import panel_material_ui as pmui
 from dashboards.pages.missions.entry_fields import fields_row
 from dashboards.seen_names import as_seen
 from dashboards.style import plain_column
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
 from lab.live.live_state import ATTITUDE_ONLY, NAVIGATING, WAITING, LiveState
 
@@ -116,10 +116,10 @@ def _strip(status: Status, state: LiveState) -> list[str]:
     found += [] if lost or status.interruptions else ["0 lost"]
     wrong = {
         f"{lost} lost": lost,
-        counted(status.interruptions, "interruption"): status.interruptions,
+        count_noun(status.interruptions, "interruption"): status.interruptions,
         f"{corrupt} corrupt": corrupt,
-        counted(state.rows.spikes, "spike"): state.rows.spikes,
-        counted(status.loss.jumps, "clock change"): status.loss.jumps,
+        count_noun(state.rows.spikes, "spike"): state.rows.spikes,
+        count_noun(status.loss.jumps, "clock change"): status.loss.jumps,
     }
     found += [f'<b class="bad">{words}</b>' for words, number in wrong.items() if number]
     if status.recording:
@@ -132,21 +132,21 @@ def _hint(status: Status, state: LiveState, verdict: str, failure: str) -> str:
 
     The verdict follows the stream: there is none before the navigator has a position, nor after the end.
     """
-    said = _without(status.state, status.sentence)
+    said = _strip_state(status.state, status.sentence)
     if failure:
         return f'<span class="bad">{escape(failure)}</span>'
     if status.warning:
         return escape(f"{said} {status.warning}".strip())
     if status.state != STREAMING or (said and state.phase == WAITING):
         return escape(said)
-    name, words = state.phase.capitalize(), _short(state)
+    name, words = state.phase.capitalize(), _shorten_reason(state)
     if verdict and state.phase == NAVIGATING:
         name, words = "Verdict", verdict
     beside = f' <span class="dim">{escape(said)}</span>' if said else ""  # as of a simulator's pace
     return f"<b>{escape(name)}</b> {escape(as_seen(words))}{beside}"
 
 
-def _short(state: LiveState) -> str:
+def _shorten_reason(state: LiveState) -> str:
     """Return the sentence of a reason that says what is missing, without what it says in brackets and on.
 
     The whole reason is among the details.
@@ -172,7 +172,7 @@ def _details(status: Status, state: LiveState, name: str) -> str:
     return "".join([*lines, *(f'<p class="dim">{escape(one)}</p>' for one in said if one)])
 
 
-def _without(state: str, sentence: str) -> str:
+def _strip_state(state: str, sentence: str) -> str:
     """Return a sentence without the state at its beginning, which stands before it."""
     first, mark, more = re.match(r"([^.:]*)([.:]?)(.*)", sentence, re.DOTALL).groups()  # type: ignore[union-attr]
     if first.lower() != state or not mark:
@@ -184,13 +184,13 @@ def _without(state: str, sentence: str) -> str:
 def _numbers(status: Status) -> list[str]:
     """Return the numbers of a source with their names and units, as HTML."""
     found = [
-        _named("Protocol", escape(status.protocol) or "—"),
-        _named("Rate", f"{status.rate:.1f} Hz"),
-        _named("Fixes", f"{status.fixes} ({status.fix_rate:.1f} Hz)"),
-        _named("Jitter", _milliseconds(status.jitter)),
-        _named("Latency", _milliseconds(status.latency)),
-        _named("Clock drift", _drift(status)),
-        _named("Samples", f"{status.samples:,}".replace(",", "\u2009")),
+        _name_value("Protocol", escape(status.protocol) or "—"),
+        _name_value("Rate", f"{status.rate:.1f} Hz"),
+        _name_value("Fixes", f"{status.fixes} ({status.fix_rate:.1f} Hz)"),
+        _name_value("Jitter", _milliseconds(status.jitter)),
+        _name_value("Latency", _milliseconds(status.latency)),
+        _name_value("Clock drift", _drift(status)),
+        _name_value("Samples", f"{status.samples:,}".replace(",", "\u2009")),
     ]
     if status.timing:
         found.append(f'<span class="dim">Timed {escape(status.timing)}.</span>')
@@ -207,7 +207,7 @@ def _drift(status: Status) -> str:
     return f"{drift} ± {1e6 * status.drift_sigma:.1f} ppm"
 
 
-def _named(name: str, value: str) -> str:
+def _name_value(name: str, value: str) -> str:
     return f'<span class="dim">{name}</span> <b>{value}</b>'
 
 

@@ -8,16 +8,16 @@ from typing import Any
 
 import panel_material_ui as pmui
 
-from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.base import make_hideable, plot_grid
 from dashboards.pages.live.watched import ABOVE, PartOfWatched, Watched
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
 from dashboards.style import whole_column, wide_html
 from lab.analysis.rest import with_noise
 from lab.experiment.experiment import Experiment
 from lab.live.station import Station
-from lab.live.twin import TwinComparison, twin_at_rest, twin_of
+from lab.live.twin import TwinComparison, compare_with_twins, twin_at_rest
 from lab.sensors.cards import Card
 from lab.views.twin_comparison import STYLE, TwinFigures, twin_html
 
@@ -51,7 +51,7 @@ class TwinPart(PartOfWatched):
         self._words = wide_html(margin=(4, 10))
         self._sensors = pmui.Select(
             label="Simulated sensors", options=[SETTINGS, MEASURED], value=SETTINGS, size="small",
-            margin=(8, 4), **sized(240),
+            margin=(8, 4), **layout_width(240),
         )  # fmt: skip
         self._compare = pmui.Button(
             label="Compare with a simulation", icon="compare", disabled=True, margin=(10, 4)
@@ -59,7 +59,7 @@ class TwinPart(PartOfWatched):
         self._compare.on_click(lambda _event: self._start())
         self._job = Job()
         self._table = wide_html(margin=(4, 10), stylesheets=[STYLE])
-        self._grid = hideable(plot_grid(self._figures.figures, 2, least=300, beside=ABOVE))
+        self._grid = make_hideable(plot_grid(self._figures.figures, 2, least=300, beside=ABOVE))
         self.view = whole_column(
             self._words, fields_row(self._sensors, self._compare), self._job.view, self._table, self._grid
         )
@@ -74,7 +74,7 @@ class TwinPart(PartOfWatched):
 
     def tell(self) -> None:
         """Say what can be compared."""
-        sentence, ready = self._ready()
+        sentence, ready = self._describe_readiness()
         self._words.object = f"<p>{escape(sentence)}</p>"
         self._compare.disabled = not ready
 
@@ -82,7 +82,7 @@ class TwinPart(PartOfWatched):
         """Deliver no further results."""
         self._job.close()
 
-    def _ready(self) -> tuple[str, bool]:
+    def _describe_readiness(self) -> tuple[str, bool]:
         """Return what can be compared, and whether it can."""
         station = self._station
         if station is None:
@@ -108,7 +108,7 @@ class TwinPart(PartOfWatched):
 
     def _start(self) -> None:
         station = self._station
-        if station is None or self._job.busy or not self._ready()[1]:
+        if station is None or self._job.busy or not self._describe_readiness()[1]:
             return
         experiment = self._session.experiment.copy()
         if self._sensors.value == MEASURED:
@@ -119,7 +119,7 @@ class TwinPart(PartOfWatched):
             experiment.update({"sensors": with_noise(experiment.sensors, card).to_dict()})
         self._job.start(
             "Comparing",
-            lambda progress: _compared(station, experiment, progress),
+            lambda progress: _compare_station(station, experiment, progress),
             lambda found: self._arrived(station, found),
         )
 
@@ -131,12 +131,12 @@ class TwinPart(PartOfWatched):
         self._grid.visible = True
 
 
-def _compared(
+def _compare_station(
     station: Station, experiment: Experiment, progress: Callable[[str, float], Any]
 ) -> TwinComparison:
     """Return the comparison of what a station keeps; in a thread."""
     if station.source.end.fix:
-        return twin_of(station.log(), experiment.sensors, experiment.navigator, progress=progress)
+        return compare_with_twins(station.log(), experiment.sensors, experiment.navigator, progress=progress)
     with station.growing() as growing:
         records = growing.records()
     return twin_at_rest(records, experiment.sensors, progress=progress)

@@ -11,13 +11,13 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.style import plain_column, wide_html
 from dashboards.visitors import may_edit
 from lab.base.files.deleted_files import DeletedFiles
 from lab.base.files.mission_error import MissionError
 from lab.data.streams.raw_recording import SUFFIX
-from lab.data.streams.unfinished import UnfinishedRecordings, bring_back, discard
+from lab.data.streams.unfinished import UnfinishedRecordings, discard, restore_recording
 from lab.missions import own_folder
 
 LOOK = 2000
@@ -48,9 +48,16 @@ class UnfinishedPart:
         self._document = pn.state.curdoc
         self._periodic: Any = None
         small: dict[str, Any] = {"size": "small", "margin": (10, 4)}
-        self._choice = pmui.Select(label="Unfinished recording", size="small", margin=(8, 4), **sized(330))
+        self._choice = pmui.Select(
+            label="Unfinished recording", size="small", margin=(8, 4), **layout_width(330)
+        )
         self._name = pmui.TextInput(
-            label="Name", value="recording", size="small", variant="outlined", margin=(8, 4), **sized(190)
+            label="Name",
+            value="recording",
+            size="small",
+            variant="outlined",
+            margin=(8, 4),
+            **layout_width(190),
         )
         self._add = pmui.Button(label="Make a mission", icon="add", color="primary", **small)
         self._drop = pmui.Button(label="Discard", icon="delete", variant="outlined", **small)
@@ -87,7 +94,9 @@ class UnfinishedPart:
         """Offer what is there now."""
         if not may_edit():
             return
-        found = {_described(path): path for path in self._kept.found(own_folder(), STATIONS.recordings())}
+        found = {
+            _describe_recording(path): path for path in self._kept.found(own_folder(), STATIONS.recordings())
+        }
         if found != self._choice.options:
             self._choice.options = found
             if self._choice.value not in found.values():
@@ -102,7 +111,7 @@ class UnfinishedPart:
     def _chosen(self) -> None:
         path = self._choice.value
         if isinstance(path, Path):
-            self._name.value = name_of(path)
+            self._name.value = recording_name(path)
 
     def _path(self) -> Path | None:
         """Return the chosen recording, if it is among those that are offered."""
@@ -137,7 +146,7 @@ class UnfinishedPart:
         if gone is None or not may_edit():
             return
         try:
-            bring_back(*gone)
+            restore_recording(*gone)
         except (MissionError, OSError) as error:
             self._say(str(error))
         else:
@@ -145,7 +154,7 @@ class UnfinishedPart:
         self.refresh()
 
 
-def name_of(path: Path) -> str:
+def recording_name(path: Path) -> str:
     """Return the name that a person gave to a recording: that of its file without the time."""
     stem = path.name.removesuffix(SUFFIX)
     name, _, stamp = stem.rpartition(" ")
@@ -156,7 +165,7 @@ def name_of(path: Path) -> str:
     return name or stem
 
 
-def _described(path: Path) -> str:
+def _describe_recording(path: Path) -> str:
     try:
         size = path.stat().st_size
     except OSError:

@@ -61,7 +61,7 @@ class Wanted(NamedTuple):
         return clauses
 
 
-def not_as_wanted(name: str, differences: list[str], others: int) -> str:
+def describe_difference(name: str, differences: list[str], others: int) -> str:
     """Return what a person is told whose device others have opened in another way."""
     pages = "one other page" if others == 1 else f"{others} other pages"
     return (

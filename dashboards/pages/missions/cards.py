@@ -63,14 +63,14 @@ class MissionCards(JSComponent):
         super().__init__(**params)  # type: ignore[no-untyped-call]
         self._act = act
         self._draw = draw
-        self.param.watch(self._wished, "wish")
+        self.param.watch(self._follow_wish, "wish")
         self.param.watch(self._questioned, "asked")
 
     def answer(self, question: Question, drawings: dict[str, dict[str, str]]) -> None:
         """Send what the browser asked for; it then asks for the next."""
         self.drawn = {"cards": drawings, "count": question.number}
 
-    def _wished(self, event: param.parameterized.Event) -> None:
+    def _follow_wish(self, event: param.parameterized.Event) -> None:
         self._act(str(event.new.get("what")), str(event.new.get("name")))
 
     def _questioned(self, event: param.parameterized.Event) -> None:
@@ -168,10 +168,10 @@ def _drawing(mission: Mission) -> dict[str, str]:
         made = KEPT.get("picture", mission.content_hash, lambda: Picture(picture(mission), mission.duration))
     except MissionError as error:
         return {"picture": "", "duration": "", "problem": str(error)}
-    return {"picture": made.svg, "duration": spoken(made.duration), "problem": ""}
+    return {"picture": made.svg, "duration": format_duration(made.duration), "problem": ""}
 
 
-def spoken(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Return a duration as text, such as ``"3 min 25 s"``."""
     whole = round(seconds)
     if whole < 600:

@@ -13,7 +13,7 @@ import panel_material_ui as pmui
 import param
 from panel.custom import JSComponent
 
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.style import whole_column, wide_html
 from dashboards.titled import Card
 from lab.data.files.unit_names import UNITS
@@ -90,7 +90,7 @@ class ColumnTable:
         self._back.disabled = True
         self._name = pmui.TextInput(
             label="Profile called", value="My logger", size="small", variant="outlined", margin=(6, 4),
-            max_length=_MAX_NAME, **sized(190),
+            max_length=_MAX_NAME, **layout_width(190),
         )  # fmt: skip
         self._said = wide_html(margin=(0, 4))
         download = pmui.FileDownload(
@@ -128,7 +128,7 @@ class ColumnTable:
         self._table.edits = {}
         self._table.columns = [_row(one, several) for one in proposals]
         self._back.disabled = not undoable
-        self._said.object = _repeated(proposals)
+        self._said.object = _describe_repeated(proposals)
         self.view.visible = bool(proposals)
 
     def kept_for(self, proposals: Sequence[Proposal]) -> dict[str, str]:
@@ -146,7 +146,7 @@ class ColumnTable:
         for place, chosen in self._table.edits.items():
             if not str(place).isdigit() or int(place) >= len(self._proposals) or not isinstance(chosen, dict):
                 continue
-            said = _said(chosen)
+            said = _column_option(chosen)
             if said is not None and said != self._proposals[int(place)].said:
                 found[self._proposals[int(place)].heading] = said
         return found
@@ -179,13 +179,13 @@ class ColumnTable:
         file = next((name for name, _ in doubtful.most_common(1)), self._proposals[0].file)
         columns = self._columns(file)
         named = {heading: said for heading, said in columns.items() if said != IGNORED or heading in answers}
-        return io.BytesIO(profile_toml(self._named(), list(columns), named).encode())
+        return io.BytesIO(profile_toml(self._name_profile(), list(columns), named).encode())
 
-    def _named(self) -> str:
+    def _name_profile(self) -> str:
         return str(self._name.value or "").strip()[:_MAX_NAME] or "My logger"
 
 
-def _repeated(proposals: Sequence[Proposal]) -> str:
+def _describe_repeated(proposals: Sequence[Proposal]) -> str:
     """Return which columns of one file a person says are the same quantity, as HTML."""
     found: dict[tuple[str, str], list[str]] = {}
     for one in proposals:
@@ -210,7 +210,7 @@ def _row(one: Proposal, with_file: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _said(chosen: Mapping[str, Any]) -> str | None:
+def _column_option(chosen: Mapping[str, Any]) -> str | None:
     """Return a choice as ``--column`` takes it; None for what the table does not offer."""
     quantity, axis, unit = (str(chosen.get(name, "")) for name in ("quantity", "axis", "unit"))
     if quantity == IGNORED:

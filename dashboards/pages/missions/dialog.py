@@ -56,7 +56,7 @@ class Dialog:
         cancel = pmui.Button(label="Cancel", variant="text", color="default", margin=(6, 4))
         cancel.on_click(lambda _event: self._close())
         button = pmui.Button(label=word, color=color, margin=(6, 4))
-        button.on_click(lambda _event: self._try())
+        button.on_click(lambda _event: self._try_action())
         self.view = pmui.Dialog(
             self.body,
             self._job.view,
@@ -78,7 +78,7 @@ class Dialog:
     def _close(self) -> None:
         self.view.open = False
 
-    def _try(self) -> None:
+    def _try_action(self) -> None:
         if self._job.busy:
             return
         act = self._act()

@@ -184,7 +184,7 @@ class Draft:
                     return _Read(None, None, text, columns=proposed, kept=kept)
                 raise MissionError(text) from error
             known = None if before is None or before.refused is not None else before[1:3]
-            log, why = known or _log_of(read, units)
+            log, why = known or _read_log(read, units)
             if offered and proposed:
                 proposed = _proposals(paths, units, flight.units)
             return _Read(read, log, why, columns=proposed if before is None else before.columns, kept=kept)
@@ -216,7 +216,9 @@ class Draft:
     def _show_flight(self, flight: FlightImport) -> None:
         self._raw = flight.raw
         verdict = flight.report.verdict
-        words = fine(flight.flight.raw.time) if verdict == "plausible" else verdict.capitalize()
+        words = (
+            describe_fine_samples(flight.flight.raw.time) if verdict == "plausible" else verdict.capitalize()
+        )
         self._verdict.say(words, SEVERITY[verdict], flight.report.reasons)
         self._add.label = f"{SIMULATE}, all the same" if verdict == "implausible" else SIMULATE
         self._report.object = rows_html(flight.report)
@@ -282,9 +284,9 @@ class Draft:
 
         if read.flight is not None and read.log is not None:
             self._as_log[self._kind] = as_log
-        self._job.start("Adding", work, self._added)
+        self._job.start("Adding", work, self._open_added)
 
-    def _added(self, added: Mission) -> None:
+    def _open_added(self, added: Mission) -> None:
         self._clear()
         self._session.library_changed(added.name)
         self._job.say(f"{added.name} was imported and opened.", "success")
@@ -295,7 +297,7 @@ def _report_pane() -> pn.pane.HTML:
     return wide_html(margin=(4, 4), stylesheets=[REPORT_STYLE])
 
 
-def _log_of(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | None, str]:
+def _read_log(read: FlightImport, units: Mapping[str, str]) -> tuple[SensorLog | None, str]:
     """Return the log that is in the files as well, and why they have none if they should."""
     if read.log is not None or len(read.paths) != 1 or units:
         return read.log, read.log_refused
@@ -341,7 +343,7 @@ def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:
     yield whole_column(*panes)
 
 
-def fine(time: FloatArray) -> str:
+def describe_fine_samples(time: FloatArray) -> str:
     """Return what is said of the samples of a file in which nothing is suspicious, at times [s]."""
     duration = float(time[-1] - time[0])
     rate = (len(time) - 1) / duration

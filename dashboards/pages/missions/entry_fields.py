@@ -18,7 +18,7 @@ WRAP = ":host { flex-wrap: wrap; min-width: 0 !important; }"
 """Wraps fields that do not fit on one line."""
 
 
-def sized(width: int) -> dict[str, Any]:
+def layout_width(width: int) -> dict[str, Any]:
     """Return layout options for a width [px] that Panel does not turn into a minimum width of the parents."""
     return {
         "sizing_mode": "stretch_width",
@@ -85,7 +85,7 @@ def _text(value: float) -> str:
 
 
 def _field(entry: Entry, value: Any, limits: tuple[float, float]) -> Any:
-    common: dict[str, Any] = {"size": "small", "margin": (6, 4), "variant": "outlined", **sized(190)}
+    common: dict[str, Any] = {"size": "small", "margin": (6, 4), "variant": "outlined", **layout_width(190)}
     if entry.choices:
         return pmui.Select(
             label=entry.label, options=list(entry.choices), value=value, description=entry.doc, **common

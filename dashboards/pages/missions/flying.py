@@ -13,7 +13,7 @@ import panel_material_ui as pmui
 from dashboards.computing import SupersededError
 from dashboards.mission_titles import mission_titles
 from dashboards.notice import Notice
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
 from dashboards.pages.missions.plan_editor import PlanEditor
@@ -47,7 +47,7 @@ class Flying:
             options=mission_titles(plans),
             **_SMALL,
             margin=(6, 4),
-            **sized(230),
+            **layout_width(230),
         )
         load = pmui.Button(label="Use this plan", **_SMALL, margin=(10, 4))
         load.on_click(lambda _event: self._accept(self._load.value))
@@ -108,9 +108,11 @@ class Flying:
             self._job.say(str(error))
             return
         self._cancelled.clear()
-        self._job.start("Flying", lambda progress: self._flown(plan, name, title, progress), self._landed)
+        self._job.start(
+            "Flying", lambda progress: self._fly_plan(plan, name, title, progress), self._show_mission
+        )
 
-    def _flown(self, plan: FlightPlan, name: str, title: str, progress: Progress) -> Mission:
+    def _fly_plan(self, plan: FlightPlan, name: str, title: str, progress: Progress) -> Mission:
         flight = fly(
             plan, progress=lambda fraction: progress("Flying", fraction), cancelled=self._cancelled.is_set
         )
@@ -127,7 +129,7 @@ class Flying:
             ending=flight.ending,
         )
 
-    def _landed(self, flown: Mission) -> None:
+    def _show_mission(self, flown: Mission) -> None:
         words = f"{flown.name} was flown for {flown.duration:.0f} s and opened."
         if flown.ending:
             words += f" It ended early: {flown.ending}. The flight up to that point is kept."

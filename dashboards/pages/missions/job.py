@@ -14,7 +14,7 @@ import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, attempt
 from dashboards.notice import Notice
-from dashboards.pages.missions.entry_fields import sized
+from dashboards.pages.missions.entry_fields import layout_width
 from dashboards.sending import together, turns_of_page
 from dashboards.style import WRAP, plain_column, plain_row
 from lab.base.progress import Progress
@@ -58,7 +58,7 @@ class Job:
         self._work: LatestWins[_Task] = LatestWins(self._attempt, self._arrive, pool, turn=self._later)
         self._told = 0.0
         self._bar = pmui.LinearProgress(value=0, max=100, sizing_mode="stretch_width", margin=(14, 8))
-        self._words = pn.pane.HTML("", margin=(4, 4), **sized(210))
+        self._words = pn.pane.HTML("", margin=(4, 4), **layout_width(210))
         self._row = plain_row(
             self._words, self._bar, visible=False, stylesheets=[WRAP] if cancel is None else []
         )

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.missions.entry_fields import EntryFields, sized
+from dashboards.pages.missions.entry_fields import EntryFields, layout_width
 from dashboards.style import TOOLTIP, plain_row, whole_column
 from lab.flying.plan_table import Limits
 
@@ -53,7 +53,7 @@ class PartList:
             size="small",
             margin=(6, 4),
             visible=len(kinds) > 1,
-            **sized(170),
+            **layout_width(170),
         )
         add = pmui.Button(label=f"Add {noun}", icon="add", size="small", variant="outlined", margin=(10, 4))
         add.on_click(lambda _event: self._add())

@@ -9,7 +9,7 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
-from dashboards.pages.missions.entry_fields import EntryFields, fields_row, sized
+from dashboards.pages.missions.entry_fields import EntryFields, fields_row, layout_width
 from dashboards.pages.missions.part_list import PartList
 from dashboards.style import plain_column, whole_column
 from dashboards.titled import Card
@@ -22,7 +22,7 @@ from lab.flying.weather import Air, Gust
 from lab.missions import FlightPlan
 
 STARTS: dict[str, type] = {"runway": Runway, "air_start": AirStart}
-_SELECT: dict[str, Any] = {"size": "small", "margin": (6, 4), **sized(220)}
+_SELECT: dict[str, Any] = {"size": "small", "margin": (6, 4), **layout_width(220)}
 
 
 class PlanEditor:

@@ -9,7 +9,7 @@ import panel_material_ui as pmui
 
 from dashboards.field_text import number
 from dashboards.pages.missions.draft import Draft
-from dashboards.pages.missions.entry_fields import fields_row, sized
+from dashboards.pages.missions.entry_fields import fields_row, layout_width
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
 from dashboards.style import whole_column, wide_html
@@ -36,9 +36,9 @@ class RecordingPart:
         self._recorder: XPlaneRecorder | None = None
         self._watch: Any = None
         self._closed = False
-        self._host = pmui.TextInput(label="Host", value="127.0.0.1", **_FIELD, **sized(200))
-        self._port = pmui.TextInput(label="Port", value=str(PORT), **_FIELD, **sized(110))
-        self._rate = pmui.TextInput(label="Rate [Hz]", value="50", **_FIELD, **sized(110))
+        self._host = pmui.TextInput(label="Host", value="127.0.0.1", **_FIELD, **layout_width(200))
+        self._port = pmui.TextInput(label="Port", value=str(PORT), **_FIELD, **layout_width(110))
+        self._rate = pmui.TextInput(label="Rate [Hz]", value="50", **_FIELD, **layout_width(110))
         self._start = pmui.Button(label="Start", icon="fiber_manual_record", color="error", margin=(10, 4))
         self._start.on_click(lambda _event: self._begin())
         self._stop = pmui.Button(label="Stop", icon="stop", margin=(10, 4), disabled=True)

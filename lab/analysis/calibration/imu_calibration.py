@@ -18,7 +18,7 @@ from lab.analysis.calibration.imu_fit import (
     TERMS,
     Fit,
     Problem,
-    carry,
+    integrate_turn,
     matrices,
     solve,
     solve_linear,
@@ -27,7 +27,7 @@ from lab.analysis.calibration.rests import LIMITS, Rests, attitudes
 from lab.analysis.calibration.terms import Judgement, Term, judge
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.log.calibration import Calibration, Linear
 
@@ -111,18 +111,19 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
     count = int(number.max()) + 1
     if count < FEWEST_ATTITUDES:
         raise MissionError(
-            f"the device rests in {counted(count, 'attitude')} ({counted(rests.count, 'rest')}); accepted "
+            f"the device rests in {count_noun(count, 'attitude')} ({count_noun(rests.count, 'rest')}); "
+            "accepted "
             f"are at least {FEWEST_ATTITUDES}, such as the six faces of a box, each of them twice, with "
             "turns between them"
         )
     size = STANDARD_GRAVITY if gravity is None else gravity
     fit, problem = solve(rests, size)
-    known = _known(fit)
+    known = _find_known_terms(fit)
     folds = [
         np.asarray(part, dtype=np.int64)
         for part in np.array_split(np.arange(rests.count), min(rests.count, FOLDS))
     ]
-    judgements = _judged(rests, size, problem, folds, known)
+    judgements = _judge_withheld_parts(rests, size, problem, folds, known)
     terms = _terms(fit, known, 0.0 if gravity is not None else GRAVITY_SIGMA / size)
     gaining = {one.group for one in judgements if one.gains}
     stated = np.where(known, fit.terms, 0.0)
@@ -136,11 +137,12 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
         gyro=gyro if gyro is not None else (Linear(np.zeros(3), K_g) if GYRO_MATRIX in gaining else None),
     )
     sentences = [
-        f"The log has {counted(rests.count, 'rest')} in {counted(count, 'attitude')} and "
-        f"{counted(_real_turns(rests), 'turn')} between them, found by the spread of the samples within "
+        f"The log has {count_noun(rests.count, 'rest')} in {count_noun(count, 'attitude')} and "
+        f"{count_noun(_count_measurable_turns(rests), 'turn')} between them, found by the spread of the "
+        "samples within "
         f"{LIMITS.block:g} s.",
         *map(str, judgements),
-        *_unknown(terms, rests),
+        *_describe_unknown_terms(terms, rests),
     ]
     if ACCELEROMETER in gaining:
         sentences.append(CONVENTION)
@@ -153,13 +155,13 @@ def calibrate(rests: Rests, source: str, gravity: float | None = None) -> ImuCal
     return ImuCalibration(terms, judgements, tuple(sentences), calibration)
 
 
-def _real_turns(rests: Rests) -> int:
+def _count_measurable_turns(rests: Rests) -> int:
     """Return how many turns show an angle."""
     angles = [np.linalg.norm((turn.rate * turn.dt[:, None]).sum(axis=0)) for turn in rests.turns]
     return sum(bool(angle > TURNED) for angle in angles)
 
 
-def _known(fit: Fit) -> Flags:
+def _find_known_terms(fit: Fit) -> Flags:
     """Return the terms (21,) that the log shows."""
     return np.asarray(fit.sigma < SHOWN * PRIOR)
 
@@ -208,7 +210,7 @@ def _terms(fit: Fit, known: Flags, of_gravity: float) -> tuple[Term, ...]:
     return tuple(found)
 
 
-def _unknown(terms: tuple[Term, ...], rests: Rests) -> list[str]:
+def _describe_unknown_terms(terms: tuple[Term, ...], rests: Rests) -> list[str]:
     """Return which terms the log does not show, and what would show them."""
     sentences = []
     for group, name, wanted in (
@@ -227,13 +229,14 @@ def _unknown(terms: tuple[Term, ...], rests: Rests) -> list[str]:
         if missing:
             sentences.append(
                 f"Unknown stays the {name} of the {group}s, {', '.join(missing)}: it needs {wanted} (σ that "
-                f"the {counted(rests.count, 'rest')} and {counted(len(rests.turns), 'turn')} leave is above "
+                f"the {count_noun(rests.count, 'rest')} and {count_noun(len(rests.turns), 'turn')} leave "
+                "is above "
                 f"{100 * SHOWN:g} % of that beforehand)."
             )
     return sentences
 
 
-def _judged(
+def _judge_withheld_parts(
     rests: Rests, gravity: float, problem: Problem, folds: list[NDArray[np.int64]], known: Flags
 ) -> tuple[Judgement, ...]:
     """Return what each withheld part says, by the terms that the other parts give."""
@@ -245,7 +248,7 @@ def _judged(
         fit, _ = solve_linear(problem.without(withheld))
         terms = np.where(known, fit.terms, 0.0)
         for before, one in ((0, none), (1, terms)):
-            force = _corrected(rests.force[withheld], one)
+            force = _correct_force(rests.force[withheld], one)
             sizes[before].append(np.linalg.norm(force, axis=1) - gravity)
             rates[before].append(np.linalg.norm(rests.rate[withheld] - one[BIAS_G], axis=1))
         bias_only = none.copy()
@@ -253,9 +256,9 @@ def _judged(
         turns = [turn for turn in rests.turns if turn.last in withheld]
         for before, one in ((0, bias_only), (1, terms)):
             _, K_g = matrices(one)
-            up = _corrected(rests.force, one)
+            up = _correct_force(rests.force, one)
             up /= np.linalg.norm(up, axis=1)[:, None]
-            carried = [carry(turn, K_g, one[BIAS_G]).R @ up[turn.first] for turn in turns]
+            carried = [integrate_turn(turn, K_g, one[BIAS_G]).R @ up[turn.first] for turn in turns]
             apart = [_angle(v, up[turn.last]) for v, turn in zip(carried, turns, strict=True)]
             angles[before].append(np.degrees(apart))
     rows = (
@@ -269,7 +272,7 @@ def _judged(
     )
 
 
-def _corrected(force: FloatArray, terms: FloatArray) -> FloatArray:
+def _correct_force(force: FloatArray, terms: FloatArray) -> FloatArray:
     return np.asarray((force - terms[BIAS_A]) @ np.linalg.inv(matrices(terms)[0]).T)
 
 

@@ -109,7 +109,7 @@ class Carried(NamedTuple):
     matrix: FloatArray
 
 
-def carry(turn: Turn, K_g: FloatArray, bias: FloatArray) -> Carried:
+def integrate_turn(turn: Turn, K_g: FloatArray, bias: FloatArray) -> Carried:
     """Return the rotation of a turn by its rates less their errors."""
     inverse = np.linalg.inv(K_g)
     rate = (turn.rate - bias) @ inverse.T
@@ -250,7 +250,7 @@ def _equations(
     since = np.tile(np.eye(3), (n, 1, 1))  # from the first rest of the chain to each
     for turn in rests.turns:
         first, last = turn.first, turn.last
-        found = carry(turn, K_g, terms[BIAS_G])
+        found = integrate_turn(turn, K_g, terms[BIAS_G])
         since[last] = found.R @ since[first]
         v, B = found.R @ up[first], bases[last].T
         # A rotation δ after the turn, in the axes of the device, takes v to v + v × δ.

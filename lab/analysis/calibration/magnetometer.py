@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 from lab.analysis.calibration.terms import Judgement, Term, judge
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.data.log.calibration import MOST_SHAPE, Calibration, Linear
 
 
@@ -211,7 +211,7 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
     if time.size < LIMITS.fewest or np.ptp(time) < LIMITS.shortest:
         length = float(np.ptp(time)) if time.size else 0.0
         raise MissionError(
-            f"the magnetometer has {counted(time.size, 'field')} in {length:.3g} s; accepted are at least "
+            f"the magnetometer has {count_noun(time.size, 'field')} in {length:.3g} s; accepted are at least "
             f"{LIMITS.fewest} in {LIMITS.shortest:g} s or more, while the device turns in all directions"
         )
     stride = -(-time.size // LIMITS.most)
@@ -219,12 +219,12 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
     models, covered = _models(fields)
     tried: list[_Found] = []
     for model in models:
-        found = _tried(model, fields)
-        if _shows(found):
+        found = _fit_model(model, fields)
+        if _shows_all_terms(found):
             tried.append(found)
     if models and not tried:
         raise MissionError(
-            f"the fields show no {models[0].name}: {covered}, but {_lacking(models[0], fields)}"
+            f"the fields show no {models[0].name}: {covered}, but {_missing_reason(models[0], fields)}"
         )
     if not tried:
         raise MissionError(
@@ -239,9 +239,9 @@ def calibrate(time: FloatArray, fields: FloatArray, source: str) -> Magnetometer
     return _result(best, judgement, covered, source)
 
 
-def _lacking(model: _Model, fields: FloatArray) -> str:
+def _missing_reason(model: _Model, fields: FloatArray) -> str:
     """Return what a model is like that the fields do not show, and what is accepted."""
-    found = _tried(model, fields)
+    found = _fit_model(model, fields)
     size = abs(float(found.p[-1]))
     hard = float(np.sqrt(np.diagonal(found.covariance)[: model.d].max()))
     scatter = _rms(model.residual(found.p, fields))
@@ -281,7 +281,7 @@ def _models(fields: FloatArray) -> tuple[list[_Model], str]:
     return [_Model(PLANE, axes[:2].T, False), _Model(PLANE, axes[:2].T, True)], covered
 
 
-def _tried(model: _Model, fields: FloatArray) -> _Found:
+def _fit_model(model: _Model, fields: FloatArray) -> _Found:
     """Return the fit of a model with its covariance, and the errors of withheld parts, before and after."""
     p = model.fit(fields)
     residual, J = model.residual(p, fields), model.jacobian(p, fields)
@@ -310,7 +310,7 @@ def _correlated(residual: FloatArray) -> float:
     return float(1 + 2 * rho[1 : end[0] if end.size else n].sum())
 
 
-def _shows(found: _Found) -> bool:
+def _shows_all_terms(found: _Found) -> bool:
     """Return whether the log shows every term of a model."""
     centre, T, size = found.model.parts(found.p)
     sigma = np.sqrt(np.diagonal(found.covariance))

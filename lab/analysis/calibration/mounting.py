@@ -154,7 +154,7 @@ class _Drive:
         settings.navigator.set("no_slip", wheels)
         settings.sensors.odometer.set("lever_arm", (self._arm[0] + float(values[2]), *self._arm[1:]))
         log = self.log if not values[:2].any() else turned.applied(self.log)
-        start = None if self._start is None else _turned(self._start, turned.turn)
+        start = None if self._start is None else _rotate_start(self._start, turned.turn)
         sensors = settings.sensors
         run = navigate_log(log, sensors, settings.navigator, sensors.gps.outages, withheld, start)
         if self._start is None and not values[:2].any():
@@ -162,7 +162,7 @@ class _Drive:
         return run
 
 
-def _turned(start: Alignment, C: FloatArray) -> Alignment:
+def _rotate_start(start: Alignment, C: FloatArray) -> Alignment:
     """Return a start in the axes of the vehicle: x of the vehicle is C times x of the IMU."""
     q_nb = Rotation.from_quat(start.start.q_nb, scalar_first=True) * Rotation.from_matrix(C).inv()
     bias = C @ start.gyro_bias
@@ -197,16 +197,17 @@ def calibrate(
     check_drive(log)
     drive = _Drive(log, experiment)
     tell("finding the angles", 0.1)
-    whole, run = _scored(drive, None)
+    whole, run = _find_likely_angles(drive, None)
     time = log.gnss.time
     half = float(time[0] + time[-1]) / 2
     tell("finding the angles in each half", 0.4)
-    halves = [_scored(drive, part, whole.values)[0] for part in ((-np.inf, half), (half, np.inf))]
+    halves = [_find_likely_angles(drive, part, whole.values)[0] for part in ((-np.inf, half), (half, np.inf))]
     tell("withholding fixes", 0.7)
     others = halves[1].values, halves[0].values
-    judgement = _judged(drive, others, half)
+    judgement = _judge_halves(drive, others, half)
     sizes = [
-        float(np.sqrt(np.mean(one**2))) if one.size else math.nan for one in _across(drive, others, half)
+        float(np.sqrt(np.mean(one**2))) if one.size else math.nan
+        for one in _outage_errors(drive, others, half)
     ]
     terms = _terms(whole)
     known = all(term.is_known for term in terms[:2])
@@ -282,7 +283,7 @@ def _innovations(run: RecordedRun) -> _Innovations:
     )
 
 
-def _scored(
+def _find_likely_angles(
     drive: _Drive, part: tuple[float, float] | None, begin: FloatArray | None = None
 ) -> tuple[_Angles, RecordedRun]:
     """Return the most likely angles by the innovations within a part of the time, and the run with them."""
@@ -313,13 +314,15 @@ def _scored(
                 f"{math.degrees(LIMITS.largest):.0f}°; accepted are axes that point forward, right and down: "
                 "ins-lab import --axes, or mounting_deg in log.toml"
             )
-        covariance = inverse @ (_spread(base.time[used], scores, information) + np.diag(prior)) @ inverse
+        covariance = (
+            inverse @ (_score_covariance(base.time[used], scores, information) + np.diag(prior)) @ inverse
+        )
         if (np.abs(change) < LIMITS.settled * np.sqrt(np.diagonal(covariance))).all():
             break
     return _Angles(values, covariance), run
 
 
-def _spread(time: FloatArray, scores: FloatArray, information: FloatArray) -> FloatArray:
+def _score_covariance(time: FloatArray, scores: FloatArray, information: FloatArray) -> FloatArray:
     """Return the covariance (3, 3) of the sum of correlated scores, which slip less or more than assumed.
 
     Along each direction, it is the larger of two: with the lags of a process of first order, which few
@@ -358,7 +361,7 @@ def _of_lags(sums: FloatArray, lags: int) -> FloatArray:
     return np.asarray(total / (1 - share + share**2 / 3))
 
 
-def _judged(drive: _Drive, mountings: Sequence[FloatArray], half: float) -> Judgement:
+def _judge_halves(drive: _Drive, mountings: Sequence[FloatArray], half: float) -> Judgement:
     """Return what the innovations say, in blocks of time, by mountings for each half."""
     runs = [_innovations(drive.run(values)) for values in (np.zeros(3), *mountings)]
     block = np.floor((runs[0].time - runs[0].time.min()) / LIMITS.block).astype(np.int64)
@@ -376,7 +379,7 @@ def _judged(drive: _Drive, mountings: Sequence[FloatArray], half: float) -> Judg
     )
 
 
-def _across(
+def _outage_errors(
     drive: _Drive, mountings: Sequence[FloatArray], half: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the errors at the ends of outages: without wheels, with them, with mountings for each half."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.base.parameters.units import STANDARD_GRAVITY
 
 
@@ -128,7 +128,10 @@ def find_rests(gyro: Samples, accelerometer: Samples) -> Rests:
     MissionError
         If the log nowhere shows a device that stands still, or its specific force is not that of gravity.
     """
-    gyro, accelerometer = _usable("gyro", gyro), _usable("accelerometer", accelerometer)
+    gyro, accelerometer = (
+        _drop_unusable_samples("gyro", gyro),
+        _drop_unusable_samples("accelerometer", accelerometer),
+    )
     start, stop = max(gyro.time[0], accelerometer.time[0]), min(gyro.time[-1], accelerometer.time[-1])
     count = int((stop - start) / LIMITS.block) if stop > start else 0
     edges = start + LIMITS.block * np.arange(count + 1)
@@ -138,8 +141,10 @@ def find_rests(gyro: Samples, accelerometer: Samples) -> Rests:
             f"are rests of {LIMITS.shortest:g} s or more in several attitudes, with turns between them"
         )
     rate, force = _blocks(gyro, edges), _blocks(accelerometer, edges)
-    still = _still(rate, force)
-    pieces = [piece for piece in _pieces(still) if _holds(force.mean[slice(*piece)])][: LIMITS.most]
+    still = _find_still_blocks(rate, force)
+    pieces = [piece for piece in _find_still_runs(still) if _is_steady(force.mean[slice(*piece)])][
+        : LIMITS.most
+    ]
     if not pieces:
         if not np.isfinite(rate.spread + force.spread).any():
             often = gyro.time.size / (gyro.time[-1] - gyro.time[0])
@@ -159,7 +164,13 @@ def find_rests(gyro: Samples, accelerometer: Samples) -> Rests:
     begin = edges[[first for first, _ in pieces]]
     end = edges[[last for _, last in pieces]]
     return Rests(
-        begin, end, np.array(means[0]), np.array(means[1]), sigmas[0], sigmas[1], _turns(gyro, begin, end)
+        begin,
+        end,
+        np.array(means[0]),
+        np.array(means[1]),
+        sigmas[0],
+        sigmas[1],
+        _find_turns(gyro, begin, end),
     )
 
 
@@ -170,7 +181,7 @@ class _Blocks(NamedTuple):
     spread: FloatArray
 
 
-def _usable(triad: str, samples: Samples) -> Samples:
+def _drop_unusable_samples(triad: str, samples: Samples) -> Samples:
     """Return the samples with known numbers whose time goes on, without those that repeat the one before."""
     time, values = samples
     known = np.isfinite(time) & np.isfinite(values).all(axis=1)
@@ -180,7 +191,7 @@ def _usable(triad: str, samples: Samples) -> Samples:
     time, values = time[fresh], values[fresh]
     if time.size < LIMITS.fewest:
         raise MissionError(
-            f"{counted(time.size, 'sample')} of the {triad}s; accepted is a log with rests and turns"
+            f"{count_noun(time.size, 'sample')} of the {triad}s; accepted is a log with rests and turns"
         )
     return Samples(time, values)
 
@@ -200,7 +211,7 @@ def _blocks(samples: Samples, edges: FloatArray) -> _Blocks:
     return _Blocks(mean + samples.values.mean(axis=0), spread)
 
 
-def _still(rate: _Blocks, force: _Blocks) -> Flags:
+def _find_still_blocks(rate: _Blocks, force: _Blocks) -> Flags:
     """Return the blocks in which nothing moves."""
     calm: Flags = np.asarray(np.isfinite(rate.spread + force.spread).all(axis=1))
     for blocks, floor, most in (
@@ -219,7 +230,7 @@ def _still(rate: _Blocks, force: _Blocks) -> Flags:
     return np.asarray(calm & near, dtype=np.bool_)
 
 
-def _pieces(still: Flags) -> list[tuple[int, int]]:
+def _find_still_runs(still: Flags) -> list[tuple[int, int]]:
     """Return the runs of still blocks, without their first and last block, that are long enough."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], still.astype(np.int64), [0]))))
     fewest = round(LIMITS.shortest / LIMITS.block)
@@ -230,7 +241,7 @@ def _pieces(still: Flags) -> list[tuple[int, int]]:
     ]
 
 
-def _holds(force: FloatArray) -> bool:
+def _is_steady(force: FloatArray) -> bool:
     """Return whether the specific force (k, 3) of a rest stays the same from its first to its last half."""
     half = len(force) // 2
     change = np.linalg.norm(force[half:].mean(axis=0) - force[:half].mean(axis=0))
@@ -258,7 +269,7 @@ def _sigma(means: FloatArray, pieces: list[tuple[int, int]]) -> FloatArray:
     return np.asarray(np.maximum(of_block, np.finfo(np.float32).tiny) / np.sqrt(size)[:, None])
 
 
-def _turns(gyro: Samples, begin: FloatArray, end: FloatArray) -> tuple[Turn, ...]:
+def _find_turns(gyro: Samples, begin: FloatArray, end: FloatArray) -> tuple[Turn, ...]:
     """Return the turns between neighbouring rests; none across a gap, or if it lasts too long."""
     usual = float(np.median(np.diff(gyro.time)))
     found = []

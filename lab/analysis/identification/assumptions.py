@@ -115,7 +115,7 @@ def assumed(run: Run) -> Assumed:
     )
 
 
-def cured(now: Assumed, changes: Sequence[Change]) -> Assumed | None:
+def apply_advice(now: Assumed, changes: Sequence[Change]) -> Assumed | None:
     """Return the assumptions with the one change that a verdict advises; None if it is of something else."""
     if len(changes) != 1:
         return None
@@ -156,8 +156,8 @@ def least_factors(run: Run, now: Assumed) -> FloatArray:
     """Return the smallest factors (3,) on the variances of a fix: `FLOOR`, or what is assumed if smaller."""
     settings = run.experiment.copy()
     scale = settings.navigator.r_scale
-    unscaled = _variances_of(settings, {"r_factors": 1.0})
-    matched = _variances_of(settings, {"r_factors": 1.0, "r": None, "r_scale": 1.0})
+    unscaled = _fix_variances(settings, {"r_factors": 1.0})
+    matched = _fix_variances(settings, {"r_factors": 1.0, "r": None, "r_scale": 1.0})
     own = np.repeat(own_sigma(run), (2, 1))
     least = FLOOR * np.where(own, 1 / scale, matched / unscaled)
     return np.asarray(np.minimum(least, now.factors))
@@ -201,7 +201,7 @@ class Known(NamedTuple):
         return not (self.bounded or self.low <= value) or value > self.high
 
 
-def rows_of(
+def tabulate_parameters(
     run: Run,
     now: Assumed,
     begun: Assumed,
@@ -222,7 +222,7 @@ def rows_of(
     intervals
         95 % intervals of the logarithms, whatever the other noises are.
     """
-    rows, changed = [], moved(now, found)
+    rows, changed = [], differing_parameters(now, found)
     before, after, start = (_shown_values(run, of) for of in (now, found, begun))
     for index, name in enumerate(NAMES):
         unit, old = before[index]
@@ -244,14 +244,14 @@ def _factor(logarithm: float) -> float:
     return 0.0 if logarithm == -math.inf else math.exp(float(np.clip(logarithm, -FARTHEST, FARTHEST)))
 
 
-def moved(now: Assumed, found: Assumed) -> NDArray[np.bool_]:
+def differing_parameters(now: Assumed, found: Assumed) -> NDArray[np.bool_]:
     """Return the mask (11,) of the parameters that differ."""
     noise = (now.noise != found.noise).reshape(4, 3).any(axis=1)
     others = now.latency != found.latency, *(now.lever_arm != found.lever_arm)
     return np.array([*noise, *(now.factors != found.factors), *others])
 
 
-def mixed(now: Assumed, found: Assumed, chosen: NDArray[np.bool_]) -> Assumed:
+def mix_assumptions(now: Assumed, found: Assumed, chosen: NDArray[np.bool_]) -> Assumed:
     """Return the new assumptions for chosen parameters (11,), and the old ones for the others."""
     return Assumed(
         np.where(np.repeat(chosen[NOISE], 3), found.noise, now.noise),
@@ -302,12 +302,12 @@ def own_sigma(run: Run) -> tuple[bool, bool]:
 
 def _variances(run: Run) -> tuple[float | None, ...]:
     """Return the variances to which the factors apply; None if each fix has its own."""
-    known = _variances_of(run.experiment.copy(), {"r_factors": 1.0})
+    known = _fix_variances(run.experiment.copy(), {"r_factors": 1.0})
     own = np.repeat(own_sigma(run), (2, 1))
     return tuple(None if of_fixes else float(value) for of_fixes, value in zip(own, known, strict=True))
 
 
-def _variances_of(settings: ExperimentSettings, navigator: dict[str, Any]) -> FloatArray:
+def _fix_variances(settings: ExperimentSettings, navigator: dict[str, Any]) -> FloatArray:
     """Return the assumed variances (3,) of a fix with some settings of the filter changed."""
     settings.navigator.update(navigator)
     R = np.diag(belief(settings.sensors, settings.navigator).R)

@@ -16,7 +16,7 @@ from lab.analysis.identification.log_faults import LogFault
 from lab.analysis.identification.renavigation import Logged, Subject, subject
 from lab.analysis.identification.withheld import held_out, outages
 from lab.analysis.verdicts.finding import Change
-from lab.analysis.verdicts.trial import Repeatable, advised
+from lab.analysis.verdicts.trial import Repeatable, apply_changes
 from lab.base.arrays import Flags, FloatArray
 from lab.base.parameters.setting_error import SettingError
 from lab.base.processors import processors
@@ -128,7 +128,7 @@ class Trials:
 
     def settings(self, candidate: Candidate) -> ExperimentSettings:
         """Return the settings of a run with a candidate."""
-        settings = advised(self._run, candidate.changes)
+        settings = apply_changes(self._run, candidate.changes)
         settings.set("navigator.smoother", False)
         settings.set("navigator.engine", "compiled")
         return settings
@@ -136,7 +136,7 @@ class Trials:
     def outcome(self, candidate: Candidate) -> Outcome | None:
         """Return the innovations with a candidate; None if the run cannot be navigated with it."""
         try:
-            return outcome_of(self.seen(candidate), candidate.price)
+            return summarize_innovations(self.seen(candidate), candidate.price)
         except (ValueError, SettingError, np.linalg.LinAlgError):
             return None
 
@@ -158,7 +158,7 @@ class Trials:
             return None
 
 
-def outcome_of(seen: InnovationSeries, price: float = 0.0) -> Outcome:
+def summarize_innovations(seen: InnovationSeries, price: float = 0.0) -> Outcome:
     """Return the outcome of innovations."""
     known = np.isfinite(seen.innovation)
     nis, degrees = squares(seen)

@@ -20,10 +20,10 @@ import numpy as np
 from lab.analysis.identification.candidate_trials import Candidate, Outcome, Trials
 from lab.analysis.identification.identification import HeldOut
 from lab.analysis.identification.likelihood import InnovationSeries, Parameter, maximise
-from lab.analysis.identification.log_faults import LogFault, faults_of, ranges_of, with_clock
+from lab.analysis.identification.log_faults import LogFault, iterate_faults, iterate_range_faults, with_clock
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import TRIED
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, size_weight, written
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, format_number, headline, size_weight
 from lab.analysis.verdicts.finding_table import (
     AID_NOISE,
     ARM_OR_LATENCY,
@@ -33,14 +33,14 @@ from lab.analysis.verdicts.finding_table import (
     FINDINGS,
 )
 from lab.analysis.verdicts.fix_verdict import latency
-from lab.analysis.verdicts.innovation_verdict import GPS, explanations, finding_of
+from lab.analysis.verdicts.innovation_verdict import GPS, explanations, make_finding
 from lab.analysis.verdicts.pattern import AXES
-from lab.analysis.verdicts.state_advice import of_log
+from lab.analysis.verdicts.state_advice import advise_log
 from lab.analysis.verdicts.trial import Repeatable
 from lab.base.arrays import FloatArray
 from lab.data.checks.full_scale import full_scales
 from lab.data.checks.imu_axes import NAMES
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.data.log.sensor_log import SensorLog
 from lab.navigation.solution import Imu
 
@@ -78,7 +78,7 @@ _BY_TIME = ("GPS latency", "GPS lever arm", ARM_OR_LATENCY)
 """Findings that another rate of a clock causes, too."""
 
 
-def explained(run: Repeatable, verdict: Verdict) -> Verdict:
+def explain_by_faults(run: Repeatable, verdict: Verdict) -> Verdict:
     """Return a verdict on innovations after its large factors were tried, beside faults of the log.
 
     The verdict itself, if its first finding makes the innovations consistent, with a factor below `LARGE` or
@@ -96,7 +96,7 @@ def explained(run: Repeatable, verdict: Verdict) -> Verdict:
     if run.algorithm or too_long or not verdict.findings or not _is_doubtful(verdict.findings[0]):
         return verdict
     log = None if recorded is None else recorded.log
-    whole = Trials(run, _screened(log, 0.0) if log is not None and run.is_long else log)
+    whole = Trials(run, _cut_screened_part(log, 0.0) if log is not None and run.is_long else log)
     first = verdict.findings[0]
     stated = Candidate("", first.changes)
     try:
@@ -108,7 +108,7 @@ def explained(run: Repeatable, verdict: Verdict) -> Verdict:
     moved = _is_by_time(run, first)
     if holds and not _is_large(first) and not moved:
         return verdict
-    since = _since(before, whole.stamps)
+    since = _find_onset(before, whole.stamps)
     found = _fault(run, whole, cured, since, clock_first=moved)
     if found is not None and found.quantity != first.quantity:
         return Verdict(headline((found,), ""), (found,), verdict.basis)
@@ -140,7 +140,7 @@ def _is_large(finding: Finding) -> bool:
     return any(isinstance(one, float | int) and one > limits.VERDICT.large_factor for one in factors)
 
 
-def _since(outcome: Outcome, stamps: FloatArray) -> float:
+def _find_onset(outcome: Outcome, stamps: FloatArray) -> float:
     """Return the time from which the innovations are too large, while they are right before [s]."""
     rows = outcome.degrees > 0
     squares_after = np.cumsum(outcome.nis[rows][::-1])[::-1]
@@ -159,7 +159,7 @@ def _fault(
     recorded = run.recorded
     if recorded is None:
         return None
-    log = _screened(recorded.log, since)
+    log = _cut_screened_part(recorded.log, since)
     part = whole if log is recorded.log else Trials(run, log)
     rivals = [part.as_it_is, *(outcome for _, outcome in part.outcomes(_of_noise()))]
     rivals += [cured] if cured is not None and part is whole else []
@@ -169,17 +169,17 @@ def _fault(
             continue
         (best, outcome), *others = sorted(tried, key=lambda one: -one[1].gain(part.as_it_is))
         # What stands at the end of its range is seen, whatever noise is like it.
-        if _explains(outcome, rivals, HALF if best.changes else 1 - limits.VERDICT.alike_part):
+        if _explains_as_much(outcome, rivals, HALF if best.changes else 1 - limits.VERDICT.alike_part):
             alike = [
                 other.fault
                 for other, there in others
                 if outcome.gain(there) < limits.VERDICT.likelihood_ratio and other.fault
             ]
-            return _stated(part, best, outcome, since, alike)
+            return _state_fault(part, best, outcome, since, alike)
     return None
 
 
-def _explains(outcome: Outcome, rivals: Sequence[Outcome], part: float) -> bool:
+def _explains_as_much(outcome: Outcome, rivals: Sequence[Outcome], part: float) -> bool:
     """Return whether an outcome explains as much as noise does; the first rival is the run as it is.
 
     If it makes the innovations consistent, a `part` of the gain is as much.
@@ -195,21 +195,21 @@ def _explains(outcome: Outcome, rivals: Sequence[Outcome], part: float) -> bool:
     )
 
 
-def _screened(log: SensorLog, since: float) -> SensorLog:
+def _cut_screened_part(log: SensorLog, since: float) -> SensorLog:
     """Return the part of a log on which all candidates are tried, around a time [s]."""
     if log.time.size <= SCREENED:
         return log
     at = int(np.searchsorted(log.time, since))
     first = int(np.clip(at - BEFORE * SCREENED, 0, log.time.size - SCREENED))
     last = min(first + SCREENED, log.time.size - 1)
-    return piece(log, log.epoch + float(log.time[first]), log.epoch + float(log.time[last]))
+    return cut_section(log, log.epoch + float(log.time[first]), log.epoch + float(log.time[last]))
 
 
 def _of_log(log: SensorLog) -> list[Candidate]:
     """Return the faults of a log but for those of its clock; a range with each noise of its sensor."""
-    found = [Candidate("", fault=one) for one in faults_of(log)]
+    found = [Candidate("", fault=one) for one in iterate_faults(log)]
     noise = [one for one in _of_noise() if one.changes[0].path == "navigator.q"]
-    for sensor, fault in ranges_of(log):
+    for sensor, fault in iterate_range_faults(log):
         for one in noise:
             rows = one.changes[0].rows
             assert rows is not None
@@ -222,18 +222,20 @@ def _of_noise() -> list[Candidate]:
     found = []
     for first, kind in ((0, "gyro"), (3, "accelerometer")):
         places = {f"the {name} {kind}": (first + axis, first + axis + 1) for axis, name in enumerate(NAMES)}
-        found += _scaled("navigator.q", places, OF_CHANNEL)
-        found += _scaled("navigator.q", {f"the {kind}s": (first, first + 3)}, OF_TRIAD)
+        found += _scale_channels("navigator.q", places, OF_CHANNEL)
+        found += _scale_channels("navigator.q", {f"the {kind}s": (first, first + 3)}, OF_TRIAD)
     for first, name in ((0, "position"), (3, "velocity")):
         places = {
             f"the {name} of the fixes": (first, first + 3),
             f"the {name} {AXES[2]} of the fixes": (first + 2, first + 3),
         }
-        found += _scaled("navigator.r", places, OF_FIXES)
+        found += _scale_channels("navigator.r", places, OF_FIXES)
     return found
 
 
-def _scaled(path: str, places: Mapping[str, tuple[int, int]], factors: Sequence[float]) -> list[Candidate]:
+def _scale_channels(
+    path: str, places: Mapping[str, tuple[int, int]], factors: Sequence[float]
+) -> list[Candidate]:
     """Return a matrix with the variances of each of some channels multiplied by each factor."""
     return [
         Candidate(channel, (Change(path, factor, True, rows),))
@@ -245,7 +247,7 @@ def _scaled(path: str, places: Mapping[str, tuple[int, int]], factors: Sequence[
 def _of_clock(run: Repeatable, part: Trials, log: SensorLog) -> list[Candidate]:
     """Return the likeliest constant lateness of the fixes, and that of two clocks of different rate."""
 
-    def seen(values: FloatArray) -> InnovationSeries:
+    def repeat_innovations(values: FloatArray) -> InnovationSeries:
         return part.seen(Candidate("", fault=_clock(log, values)))
 
     late = Parameter("lateness", 0.0, -LATEST, LATEST, LATEST, 0.01, 1.0, both=True)
@@ -264,11 +266,13 @@ def _of_clock(run: Repeatable, part: Trials, log: SensorLog) -> list[Candidate]:
     found = []
     for begin, held in begins:
         try:
-            value = maximise(seen, (late, rate), begin, held, most=ROUNDS).value
+            value = maximise(repeat_innovations, (late, rate), begin, held, most=ROUNDS).value
         except (ValueError, np.linalg.LinAlgError):
             continue
         if held[1]:
-            found.append(Candidate("", fault=_late(run, log, float(value[0])), price=limits.VERDICT.price))
+            found.append(
+                Candidate("", fault=_delay_fixes(run, log, float(value[0])), price=limits.VERDICT.price)
+            )
         elif abs(value[1]) > LEAST_RATE:
             found.append(
                 Candidate(
@@ -288,24 +292,24 @@ def _clock(log: SensorLog, values: FloatArray) -> LogFault:
         "",
         percent=100 * abs(rate),
         side="fast" if rate > 0 else "slow",
-        first=_lateness(late),
-        last=_lateness(late - rate * log.duration),
+        first=_format_lateness(late),
+        last=_format_lateness(late - rate * log.duration),
         ratio=1 + rate,
     )
     return LogFault(finding, with_clock(log, late, rate))
 
 
-def _lateness(seconds: float) -> str:
+def _format_lateness(seconds: float) -> str:
     return f"{abs(seconds):.2f} s {'late' if seconds >= 0 else 'early'}"
 
 
-def _late(run: Repeatable, log: SensorLog, size: float) -> LogFault:
+def _delay_fixes(run: Repeatable, log: SensorLog, size: float) -> LogFault:
     """Return fixes that are late by a constant time [s]."""
     assumed = np.append(run.latency, np.zeros(3))
     return LogFault(latency(size, 0.0, assumed), with_clock(log, size, 0.0))
 
 
-def _stated(
+def _state_fault(
     part: Trials, best: Candidate, outcome: Outcome, since: float, alike: Sequence[LogFault]
 ) -> Finding | None:
     """Return the finding of a fault, if withheld fixes are not predicted worse without it.
@@ -319,7 +323,7 @@ def _stated(
         return None
     effect = f"NIS per degree of freedom {before.mean:.2f}, then {outcome.mean:.2f}"
     if was is not None and becomes is not None:
-        errors = (f"{written(one.position_error)} m" for one in (was, becomes))
+        errors = (f"{format_number(one.position_error)} m" for one in (was, becomes))
         effect += f"; error of fixes withheld for 10 s: {', then '.join(errors)}"
     finding = fault.finding
     tried = TRIED["with less trust" if best.changes else "better"]
@@ -328,13 +332,13 @@ def _stated(
     return replace(
         finding,
         factor=float("nan"),
-        sentence=FAULT_OF_LOG.format(fault=sentence, since=_since_words(since)),
+        sentence=FAULT_OF_LOG.format(fault=sentence, since=_describe_onset(since)),
         advice=finding.advice if finding.changes else tried.format(advice=finding.advice, effect=effect),
         evidence=f"logarithm of the likelihood ratio {outcome.gain(before):.0f}",
     )
 
 
-def _since_words(since: float) -> str:
+def _describe_onset(since: float) -> str:
     return f"{since:.0f} s" if since >= 1 else "the start"
 
 
@@ -351,8 +355,8 @@ def _misalignment(run: Repeatable, whole: Trials) -> Finding | None:
         if not one.name.endswith("misalignment"):
             continue
         statistic = f"logarithm of the likelihood ratio {one.gain:.0f}"
-        found = finding_of([one], evidence.innovations, statistic, assumed)
-        (found,) = of_log(Verdict("", (found,), ""), run).findings
+        found = make_finding([one], evidence.innovations, statistic, assumed)
+        (found,) = advise_log(Verdict("", (found,), ""), run).findings
         candidate = Candidate("", found.changes)
         outcome = whole.outcome(candidate) if found.changes else None
         if outcome is None or outcome.mean > limits.VERDICT.consistent_nis:
@@ -378,10 +382,10 @@ def _range(run: Repeatable, since: float) -> Finding | None:
         return None
     log = run.recorded.log
     most = {one.axis // 3 for one in full_scales(np.concatenate(log.rates, axis=1)) if one.at.mean() > MOST}
-    for sensor, fault in ranges_of(log):
+    for sensor, fault in iterate_range_faults(log):
         if sensor not in most:
             continue
-        sentence = FAULT_OF_LOG.format(fault=fault.finding.sentence, since=_since_words(since))
+        sentence = FAULT_OF_LOG.format(fault=fault.finding.sentence, since=_describe_onset(since))
         return replace(fault.finding, sentence=sentence)
     return None
 
@@ -439,10 +443,10 @@ def shown_noise(imu: Imu) -> FloatArray:
 def _contradiction(run: Repeatable, whole: Trials, before: Outcome, since: float) -> Finding:
     """Return the finding of data that contradict each other, with the channel whose noise helps most."""
     recorded = run.recorded
-    log = None if recorded is None else _screened(recorded.log, since)
+    log = None if recorded is None else _cut_screened_part(recorded.log, since)
     part = whole if recorded is None or log is recorded.log else Trials(run, log)
     tried = part.outcomes(_of_noise())
-    evidence, words = f"NIS per degree of freedom {before.mean:.2f}", _since_words(since)
+    evidence, words = f"NIS per degree of freedom {before.mean:.2f}", _describe_onset(since)
     if not tried:
         return FINDINGS["contradiction"].finding(float("nan"), evidence, since=words)
     best, outcome = max(tried, key=lambda one: one[1].gain(part.as_it_is))

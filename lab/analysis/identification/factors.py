@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.analysis.identification.identification import HeldOut, better
+from lab.analysis.identification.identification import HeldOut, predicts_better
 from lab.analysis.identification.renavigation import Subject
-from lab.analysis.identification.withheld import Predicted, judged, predicted
+from lab.analysis.identification.withheld import Predicted, judge_prediction, predict_withheld
 from lab.base.arrays import Flags
 from lab.run.experiment_settings import ExperimentSettings
 
@@ -50,7 +50,7 @@ class Factors(NamedTuple):
     after: HeldOut
 
 
-def scaled(experiment: ExperimentSettings, r: float, q: float) -> ExperimentSettings:
+def scale_noise(experiment: ExperimentSettings, r: float, q: float) -> ExperimentSettings:
     """Return a copy of an experiment whose filter assumes more or less noise.
 
     Raises
@@ -88,45 +88,45 @@ def choose(
     """
     if len(turns) < FEWEST:
         return None
-    tried = [pair for pair in product(ON_R, ON_Q) if pair[0] >= least and _allowed(experiment, *pair)]
+    tried = [pair for pair in product(ON_R, ON_Q) if pair[0] >= least and _allows_factors(experiment, *pair)]
 
-    def turn_by_turn(pair: tuple[float, float]) -> list[Predicted] | None:
-        changed = scaled(experiment, *pair)
+    def predict_each_turn(pair: tuple[float, float]) -> list[Predicted] | None:
+        changed = scale_noise(experiment, *pair)
         try:
-            return [predicted(subject, changed, mask, dropped) for mask in turns]
+            return [predict_withheld(subject, changed, mask, dropped) for mask in turns]
         except ValueError:  # a filter that diverges
             return None
 
     with ThreadPoolExecutor(max_workers=2) as pool:
-        found = dict(zip(tried, pool.map(turn_by_turn, tried), strict=True))
+        found = dict(zip(tried, pool.map(predict_each_turn, tried), strict=True))
     seen = {pair: parts for pair, parts in found.items() if parts is not None}
     if (1.0, 1.0) not in seen:
         return None
-    after = judged([seen[_best(_without(seen, turn))][turn] for turn in range(len(turns))])
-    r, q = _best(seen)
-    chosen = Factors(r, q, judged(seen[1.0, 1.0]), after)
-    return chosen if better(chosen.before, chosen.after) else None
+    after = judge_prediction([seen[_best_pair(_drop_turn(seen, turn))][turn] for turn in range(len(turns))])
+    r, q = _best_pair(seen)
+    chosen = Factors(r, q, judge_prediction(seen[1.0, 1.0]), after)
+    return chosen if predicts_better(chosen.before, chosen.after) else None
 
 
-def _allowed(experiment: ExperimentSettings, r: float, q: float) -> bool:
+def _allows_factors(experiment: ExperimentSettings, r: float, q: float) -> bool:
     navigator = experiment.navigator
     bounds = (navigator.param[name].bounds for name in ("r_scale", "q_scale"))
     values = (r * navigator.r_scale, q * navigator.q_scale)
     return all(low <= value <= high for value, (low, high) in zip(values, bounds, strict=True))
 
 
-def _without(
+def _drop_turn(
     seen: dict[tuple[float, float], list[Predicted]], turn: int
 ) -> dict[tuple[float, float], list[Predicted]]:
     return {pair: parts[:turn] + parts[turn + 1 :] for pair, parts in seen.items()}
 
 
-def _best(seen: dict[tuple[float, float], list[Predicted]]) -> tuple[float, float]:
+def _best_pair(seen: dict[tuple[float, float], list[Predicted]]) -> tuple[float, float]:
     """Return the pair with the smallest error, among those that gain a good part of the likelihood.
 
     The error alone would prefer filters that are too sure of themselves, whose predictions fail elsewhere.
     """
-    judgements = {pair: judged(parts) for pair, parts in seen.items()}
+    judgements = {pair: judge_prediction(parts) for pair, parts in seen.items()}
     now = judgements[1.0, 1.0].log_likelihood
     most = float(np.nanmax([one.log_likelihood for one in judgements.values()]))
     least = now + GAINED * (most - now)

@@ -97,7 +97,7 @@ class HeldOut(NamedTuple):
     by_outage: tuple[float, ...]
 
 
-def better(before: HeldOut, after: HeldOut, *, white: bool = False) -> bool:
+def predicts_better(before: HeldOut, after: HeldOut, *, white: bool = False) -> bool:
     """Return whether withheld fixes are more likely than before, and their error no larger.
 
     Parameters
@@ -112,11 +112,11 @@ def better(before: HeldOut, after: HeldOut, *, white: bool = False) -> bool:
     if not after.log_likelihood > before.log_likelihood:
         return False
     if white:
-        return not _grows(before, after)
+        return not _error_grows(before, after)
     return not after.position_error > ALLOWED * before.position_error
 
 
-def _grows(before: HeldOut, after: HeldOut) -> bool:
+def _error_grows(before: HeldOut, after: HeldOut) -> bool:
     """Return whether the error in the outages grows, by a paired t-test."""
     growth = np.subtract(after.by_outage, before.by_outage)
     if growth.size < 2:
@@ -193,7 +193,7 @@ class Identification:
     @property
     def recommended(self) -> bool:
         """Whether withheld fixes are predicted better than before."""
-        return better(self.before, self.after, white=self.white)
+        return predicts_better(self.before, self.after, white=self.white)
 
     @property
     def table(self) -> pd.DataFrame:

@@ -16,8 +16,8 @@ from lab.analysis.identification.assumptions import (
     NOISE,
     TRIADS,
     Assumed,
-    mixed,
-    moved,
+    differing_parameters,
+    mix_assumptions,
     own_sigma,
 )
 from lab.base.arrays import FloatArray
@@ -32,7 +32,7 @@ SAME = 1e-9
 """Relative difference of factors that rounding explains."""
 
 
-def changes_of(run: Run, now: Assumed, found: Assumed, names: Collection[str] = NAMES) -> dict[str, Any]:
+def list_changes(run: Run, now: Assumed, found: Assumed, names: Collection[str] = NAMES) -> dict[str, Any]:
     """Return the settings, nested by group, with which a run's filter assumes the identified parameters.
 
     For a simulated run, these are settings of the filter; for a log, those of the sensors, which its filter
@@ -47,8 +47,8 @@ def changes_of(run: Run, now: Assumed, found: Assumed, names: Collection[str] = 
     names
         Names of the parameters that may change.
     """
-    seen = moved(now, found) & np.array([name in names for name in NAMES])
-    found = mixed(now, found, seen)
+    seen = differing_parameters(now, found) & np.array([name in names for name in NAMES])
+    found = mix_assumptions(now, found, seen)
     navigator: dict[str, Any] = {}
     if seen[LATENCY]:
         navigator["latency"] = _digits(found.latency)

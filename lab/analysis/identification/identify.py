@@ -19,18 +19,18 @@ from lab.analysis.identification.assumptions import (
     PARAMETERS,
     Assumed,
     Known,
+    apply_advice,
     assumed,
-    cured,
     least_factors,
-    mixed,
+    mix_assumptions,
     parameters,
-    rows_of,
     scaled_rows,
+    tabulate_parameters,
     without_zeros,
 )
-from lab.analysis.identification.factors import choose, scaled
-from lab.analysis.identification.identification import ChosenBy, HeldOut, Identification, Row, better
-from lab.analysis.identification.identified_settings import at_bounds, changes_of
+from lab.analysis.identification.factors import choose, scale_noise
+from lab.analysis.identification.identification import ChosenBy, HeldOut, Identification, Row, predicts_better
+from lab.analysis.identification.identified_settings import at_bounds, list_changes
 from lab.analysis.identification.likelihood import (
     Estimate,
     InnovationSeries,
@@ -40,10 +40,10 @@ from lab.analysis.identification.likelihood import (
 from lab.analysis.identification.noise_intervals import logarithm_intervals
 from lab.analysis.identification.observable import (
     Search,
+    describe_parameters,
     find_observable,
-    known_of,
-    maximised,
-    refuted,
+    find_refuted,
+    maximize_likelihood,
 )
 from lab.analysis.identification.renavigation import Subject, subject
 from lab.analysis.identification.spread import describe_spread
@@ -112,14 +112,16 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
     again = subject(run)
     now = assumed(run)
     least = least_factors(run, now)
-    stands, cure = _cured(now, verdict, least)
+    stands, cure = _apply_first_advice(now, verdict, least)
     begun = without_zeros(stands)
     first, last = again.span
     settling = min(SETTLING, LARGEST_PART * (last - first))
     margin = min(MARGIN, LARGEST_PART * (last - first))
     counted = (again.stamps > first + settling) & (again.stamps < last - margin)
     none = np.zeros(counted.size, np.bool_)
-    search = Search(again, _every_fix(run.experiment), begun, counted, none, _estimated(run.experiment))
+    search = Search(
+        again, _every_fix(run.experiment), begun, counted, none, _estimated_parameters(run.experiment)
+    )
     whole = parameters(stands, least)
     begin = np.array([parameter.start for parameter in whole])
     if int(np.isfinite(search.run(begin).innovation).any(axis=1).sum()) < FEWEST:
@@ -131,20 +133,20 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
     masks = outages(again.stamps, first + settling, last)
     between = outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
     before = held_out(again, run.experiment, masks, search.dropped)
-    found = _searched(run, search, whole, estimate, (now, stands), masks, before, tell)
+    found = _run_search(run, search, whole, estimate, (now, stands), masks, before, tell)
     # White innovations hold all that the log shows. The few outages that judge are won by chance, too.
     white = found.white
     if not white:
         # A filter that follows correlated errors of the fixes predicts the next fix well, but not fixes
         # withheld for longer.
-        ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
+        ahead = search._replace(masks=tuple(between[: _count_outage_sets(last - first)]))
         if ahead.masks:
-            estimate = maximised(ahead, whole, begin, ahead.held, tell, 0.7, 0.8)
-            other = _searched(run, ahead, whole, estimate, (now, stands), masks, before, tell)
-            found = _better_of(found, other)
-    if not (white or better(before, found.after)):
+            estimate = maximize_likelihood(ahead, whole, begin, ahead.held, tell, 0.7, 0.8)
+            other = _run_search(run, ahead, whole, estimate, (now, stands), masks, before, tell)
+            found = _choose_prediction(found, other)
+    if not (white or predicts_better(before, found.after)):
         tell("trying factors on R and Q", 0.9)
-        turns = masks if _turns(last - first) < TURNS else [*masks, *between]
+        turns = masks if _count_outage_sets(last - first) < TURNS else [*masks, *between]
         found = _by_factors(run, again, now, turns, search.dropped, float(least.max())) or found
     tell("judging the innovations", 0.95)
     seen = [_next_fixes(search, settings) for settings in (run.experiment, found.experiment)]
@@ -156,24 +158,24 @@ def identify(run: Run, verdict: Verdict, progress: Progress | None = None) -> Id
         after=found.after,
         withheld=OUTAGE,
         every=EVERY,
-        inside=(_inside(seen[0]), _inside(seen[1])),
+        inside=(_fraction_inside(seen[0]), _fraction_inside(seen[1])),
         white=white,
         spread=describe_spread(seen[1]),
         chosen_by=found.chosen_by,
         outliers=int(search.dropped.sum()),
         fixes=int((counted & ~search.dropped).sum()),
         changes=found.changes,
-        changes_of=partial(changes_of, run, now, found.assumed),
+        changes_of=partial(list_changes, run, now, found.assumed),
         cure="" if found.chosen_by == "factors" else cure,
         at_bounds=at_bounds(run, now, found.assumed, found.changes, least),
         seconds=time.perf_counter() - begun_at,
     )
 
 
-def _cured(now: Assumed, verdict: Verdict, least: FloatArray) -> tuple[Assumed, str]:
+def _apply_first_advice(now: Assumed, verdict: Verdict, least: FloatArray) -> tuple[Assumed, str]:
     """Return the assumptions with the first advice of a verdict, and this advice; empty if of others."""
     first = verdict.findings[0] if verdict.findings else None
-    changed = None if first is None else cured(now, first.changes)
+    changed = None if first is None else apply_advice(now, first.changes)
     if first is None or changed is None:
         return now, ""
     (path, value, times, _), *_ = first.changes
@@ -181,7 +183,7 @@ def _cured(now: Assumed, verdict: Verdict, least: FloatArray) -> tuple[Assumed, 
     return changed._replace(factors=np.maximum(changed.factors, least)), advice
 
 
-def _estimated(experiment: ExperimentSettings) -> Flags:
+def _estimated_parameters(experiment: ExperimentSettings) -> Flags:
     """Return the mask (11,) of the parameters that states of the filter estimate, and the search does not."""
     navigator = experiment.navigator
     estimated = np.zeros(PARAMETERS, np.bool_)
@@ -191,15 +193,15 @@ def _estimated(experiment: ExperimentSettings) -> Flags:
 
 def _without_outliers(search: Search, whole: list[Parameter], begin: FloatArray, tell: Progress) -> Estimate:
     """Return the estimate of all parameters; outliers are dropped from the search, for later ones too."""
-    estimate = maximised(search, whole, begin, search.held, tell, 0.0, 0.4)
+    estimate = maximize_likelihood(search, whole, begin, search.held, tell, 0.0, 0.4)
     outliers = _outliers(estimate.seen)
     if outliers.any():
         search.dropped[np.flatnonzero(search.counted)[outliers]] = True
-        estimate = maximised(search, whole, estimate.value, search.held, tell, 0.4, 0.5)
+        estimate = maximize_likelihood(search, whole, estimate.value, search.held, tell, 0.4, 0.5)
     return estimate
 
 
-def _searched(
+def _run_search(
     run: Run,
     search: Search,
     whole: list[Parameter],
@@ -209,32 +211,32 @@ def _searched(
     before: HeldOut,
     tell: Progress,
 ) -> _Found:
-    """Return the result of a search and its prediction; `assumptions` are as of `_judged`.
+    """Return the result of a search and its prediction; `assumptions` are as of `_judge_search`.
 
     If the innovations are not white, no parameter is the whole cause, and several explain a part of it about
     as well. Latency and lever arm then change only if withheld fixes are predicted better than without.
     """
-    found = _judged(run, search, whole, estimate, assumptions, masks, before, tell, {})
+    found = _judge_search(run, search, whole, estimate, assumptions, masks, before, tell, {})
     stands, where = assumptions[1], found.assumed
     if found.white or (where.latency == stands.latency and np.array_equal(where.lever_arm, stands.lever_arm)):
         return found
     fixed = search._replace(held=search.held | (np.arange(PARAMETERS) >= LATENCY))
     begin = np.where(fixed.held, [parameter.start for parameter in whole], estimate.value)
     tell("searching without latency and lever arm", 0.85 if search.masks else 0.6)
-    estimate = maximised(fixed, whole, begin, fixed.held, _silent, 0.0, 1.0)
+    estimate = maximize_likelihood(fixed, whole, begin, fixed.held, _ignore_progress, 0.0, 1.0)
     known = {index: one for index, one in found.known.items() if index >= LATENCY}
-    other = _judged(run, fixed, whole, estimate, assumptions, masks, before, _silent, known)
-    fine, fine_without = (better(before, one.after) for one in (found, other))
+    other = _judge_search(run, fixed, whole, estimate, assumptions, masks, before, _ignore_progress, known)
+    fine, fine_without = (predicts_better(before, one.after) for one in (found, other))
     if fine != fine_without:
         return found if fine else other
-    return found if better(other.after, found.after) else other
+    return found if predicts_better(other.after, found.after) else other
 
 
-def _silent(_stage: str, _fraction: float) -> None:
+def _ignore_progress(_stage: str, _fraction: float) -> None:
     """Tell nobody of the progress."""
 
 
-def _judged(
+def _judge_search(
     run: Run,
     search: Search,
     whole: list[Parameter],
@@ -256,22 +258,24 @@ def _judged(
     zero = _zero(stands)
     joint = estimate
     estimate, shown, bounded, without = find_observable(search, whole, estimate, zero, tell, done)
-    known = known_of(search, whole, estimate, shown, bounded)
+    known = describe_parameters(search, whole, estimate, shown, bounded)
     start = np.where(zero, -NOTHING, [parameter.start for parameter in whole])
-    wrong = refuted(estimate, known, start)
+    wrong = find_refuted(estimate, known, start)
     while wrong.sum() < shown.sum():
         begin, shown = np.where(wrong, estimate.value, start), wrong
-        estimate = maximised(search, whole, begin, ~shown, tell, done, done + 0.1)
-        known |= known_of(search, whole, estimate, shown, bounded)
-        wrong = refuted(estimate, {int(index): known[int(index)] for index in np.flatnonzero(shown)}, start)
+        estimate = maximize_likelihood(search, whole, begin, ~shown, tell, done, done + 0.1)
+        known |= describe_parameters(search, whole, estimate, shown, bounded)
+        wrong = find_refuted(
+            estimate, {int(index): known[int(index)] for index in np.flatnonzero(shown)}, start
+        )
     known, begun = {**seen, **known}, search.begun
-    found = mixed(stands, begun.moved(estimate.value), wrong)
+    found = mix_assumptions(stands, begun.moved(estimate.value), wrong)
 
     def rows() -> tuple[Row, ...]:
         intervals = logarithm_intervals(search, whole, joint, without, known)
-        return rows_of(run, now, begun, found, known, intervals)
+        return tabulate_parameters(run, now, begun, found, known, intervals)
 
-    changes = changes_of(run, now, found)
+    changes = list_changes(run, now, found)
     changed = run.experiment.copy().update(changes)
     tell("predicting withheld fixes", done + 0.1)
     after = held_out(search.subject, changed, masks, search.dropped)
@@ -286,7 +290,7 @@ def _by_factors(
     factors = choose(again, run.experiment, turns, dropped, float(np.max(least / now.factors)))
     if factors is None:
         return None
-    changed = scaled(run.experiment, factors.r, factors.q)
+    changed = scale_noise(run.experiment, factors.r, factors.q)
     navigator = {"r_scale": changed.navigator.r_scale, "q_scale": changed.navigator.q_scale}
     found = now._replace(noise=factors.q * now.noise, factors=factors.r * now.factors)
     rows = partial(scaled_rows, run, now, found)
@@ -295,13 +299,13 @@ def _by_factors(
     )
 
 
-def _better_of(one: _Found, other: _Found) -> _Found:
+def _choose_prediction(one: _Found, other: _Found) -> _Found:
     """Return the better prediction; a larger error outweighs a better likelihood."""
-    fine = [found for found in (one, other) if better(found.before, found.after)]
+    fine = [found for found in (one, other) if predicts_better(found.before, found.after)]
     return max(fine or (one, other), key=lambda found: found.after.log_likelihood)
 
 
-def _turns(length: float) -> int:
+def _count_outage_sets(length: float) -> int:
     """Return the number of sets of outages for a search: of a long log, one set has enough outages."""
     return TURNS if length < TURNS * EVERY * 2 else 1
 
@@ -339,7 +343,7 @@ def _next_fixes(search: Search, experiment: ExperimentSettings) -> InnovationSer
     return InnovationSeries(seen.innovation[counts], seen.covariance[counts])
 
 
-def _inside(seen: InnovationSeries) -> float:
+def _fraction_inside(seen: InnovationSeries) -> float:
     """Return the fraction of the NIS in the 95 % interval."""
     nis, degrees = squares(seen)
     nis, degrees = nis[degrees > 0], degrees[degrees > 0]

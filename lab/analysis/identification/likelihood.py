@@ -151,19 +151,19 @@ class _Slopes(NamedTuple):
 
 def log_likelihoods(seen: InnovationSeries) -> FloatArray:
     """Return the log-likelihood of each fix (m,), without the constant; 0 for a fix without measurements."""
-    nu, S = _measured(seen)
+    nu, S = _fill_unmeasured(seen)
     square = np.einsum("mi,mi->m", nu, np.linalg.solve(S, nu[..., None])[..., 0])
     return np.asarray(-0.5 * (np.linalg.slogdet(S)[1] + square))
 
 
 def squares(seen: InnovationSeries) -> tuple[FloatArray, NDArray[np.int64]]:
     """Return NIS (m,) and its degrees of freedom (m,), from the measured components of each fix."""
-    nu, S = _measured(seen)
+    nu, S = _fill_unmeasured(seen)
     degrees = np.isfinite(seen.innovation).sum(axis=1)
     return np.einsum("mi,mi->m", nu, np.linalg.solve(S, nu[..., None])[..., 0]), degrees
 
 
-def _measured(seen: InnovationSeries) -> tuple[FloatArray, FloatArray]:
+def _fill_unmeasured(seen: InnovationSeries) -> tuple[FloatArray, FloatArray]:
     """Return innovations and covariances, with zero and unit variance for unmeasured components."""
     known = np.isfinite(seen.innovation)
     S = np.where(known[:, :, None] & known[:, None, :], seen.covariance, 0.0)
@@ -233,7 +233,7 @@ def maximise(
                 step = step * min(1.0, float(np.min(longest / np.maximum(np.abs(step), 1e-300))))
                 trial = place.copy()
                 trial[free] = np.clip(place[free] + step, low, high)
-                there, better = _tried(run, trial, trial[free], start, prior)
+                there, better = _navigate_at_point(run, trial, trial[free], start, prior)
                 if there is not None and better > value:
                     moved = True
                     break
@@ -280,17 +280,17 @@ def interval(
     moved = direction != 0
     best = estimate.log_likelihood - _cost(estimate.value[moved], start[moved], prior[moved])
 
-    def fall(distance: float) -> float:
+    def loss_at_distance(distance: float) -> float:
         """Return the loss at a distance, in the σ of a parabola."""
         place = estimate.value + distance * direction
-        _, there = _tried(run, place, place[moved], start[moved], prior[moved])
+        _, there = _navigate_at_point(run, place, place[moved], start[moved], prior[moved])
         return math.sqrt(max(2 * (best - there), 0.0))
 
     ends = []
     for side in (-1.0, 1.0):
         distance = side * NORMAL * sigma
         for _ in range(BRACKETS):
-            lost = fall(distance)
+            lost = loss_at_distance(distance)
             if not math.isfinite(lost):
                 distance = side * NORMAL * sigma
                 break
@@ -305,7 +305,7 @@ def _cost(values: FloatArray, start: FloatArray, prior: FloatArray) -> float:
     return 0.5 * float(np.sum(((values - start) / prior) ** 2))
 
 
-def _tried(
+def _navigate_at_point(
     run: Run, trial: FloatArray, values: FloatArray, start: FloatArray, prior: FloatArray
 ) -> tuple[InnovationSeries | None, float]:
     """Return the innovations and the log-likelihood at a point; None if the filter cannot run there."""
@@ -326,28 +326,28 @@ def _slopes(
     pool: ThreadPoolExecutor,
 ) -> _Slopes:
     """Return scores and expected information from differences of runs."""
-    nu, S = _measured(here)
+    nu, S = _fill_unmeasured(here)
     inverse = np.linalg.inv(S)
 
-    def beside(index: int, side: int = 1) -> tuple[FloatArray, FloatArray]:
+    def navigate_beside(index: int, side: int = 1) -> tuple[FloatArray, FloatArray]:
         step = side * parameters[index].step
         moved = place.copy()
         moved[index] += step
-        other_nu, other_S = _measured(run(moved))
+        other_nu, other_S = _fill_unmeasured(run(moved))
         return (other_nu - nu) / step, (other_S - S) / step
 
     def size(slope: tuple[FloatArray, FloatArray]) -> float:
         return float(np.einsum("mi,mij,mj->", slope[0], inverse, slope[0]))
 
     def slope(index: int) -> tuple[FloatArray, FloatArray]:
-        one = beside(index)
+        one = navigate_beside(index)
         if parameters[index].both:
-            other = beside(index, -1)
+            other = navigate_beside(index, -1)
             return (one[0] + other[0]) / 2, (one[1] + other[1]) / 2
         if parameters[index].step ** 2 * size(one) < JUMP:
             return one
         # Where the filter decides something otherwise, such as what counts as a turn, one side has no slope.
-        other = beside(index, -1)
+        other = navigate_beside(index, -1)
         return other if size(other) < size(one) / UNLIKE else one
 
     found = list(pool.map(slope, map(int, free)))

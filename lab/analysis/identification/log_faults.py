@@ -17,7 +17,7 @@ from lab.analysis.verdicts.finding import Finding, Verdict
 from lab.analysis.verdicts.finding_table import FINDINGS, SENSORS
 from lab.base.arrays import FloatArray
 from lab.data.checks.full_scale import full_scales
-from lab.data.checks.imu_axes import NAMES, SAME, ImuAxes, level, signed
+from lab.data.checks.imu_axes import NAMES, SAME, ImuAxes, iterate_signed_axes, level
 from lab.data.clock.faults import UsualInterval
 from lab.data.clock.limits import LIMITS
 from lab.data.log.sensor_log import SensorLog
@@ -41,7 +41,7 @@ class LogFault(NamedTuple):
     mended: SensorLog
 
 
-def faults_of(log: SensorLog) -> Iterator[LogFault]:
+def iterate_faults(log: SensorLog) -> Iterator[LogFault]:
     """Yield the faults that a log may have, but for those of its clock and its ranges."""
     yield from _of_axes(log)
     yield from _of_losses(log)
@@ -84,7 +84,7 @@ def _of_axes(log: SensorLog) -> Iterator[LogFault]:
 
     Gravity shows the vertical accelerometer when a log is read.
     """
-    for matrix in signed(range(3)):
+    for matrix in iterate_signed_axes(range(3)):
         if not np.array_equal(matrix, SAME) and not _is_cyclic(matrix):
             axes = ImuAxes(matrix, SAME)
             yield LogFault(_of_matrix("gyro", matrix, axes), with_axes(log, axes))
@@ -127,7 +127,7 @@ def _of_matrix(sensor: str, matrix: FloatArray, axes: ImuAxes) -> Finding:
     )
 
 
-def ranges_of(log: SensorLog) -> Iterator[tuple[int, LogFault]]:
+def iterate_range_faults(log: SensorLog) -> Iterator[tuple[int, LogFault]]:
     """Yield the sensors at the end of their range, 0 for gyros and 1 for accelerometers, with the fault.
 
     What they moved by beyond it is unknown, so there is no log without the fault: it is this one, to be tried
@@ -157,10 +157,10 @@ def _of_losses(log: SensorLog) -> Iterator[LogFault]:
     if lost < _WORTH:
         return
     finding = FINDINGS["losses"].finding(float("nan"), "", percent=100 * lost)
-    yield LogFault(finding, _unknown(log, long))
+    yield LogFault(finding, _mask_motion(log, long))
 
 
-def noted(verdict: Verdict, log: SensorLog) -> Verdict:
+def name_lost_samples(verdict: Verdict, log: SensorLog) -> Verdict:
     """Return a verdict that names lost samples first, where the filter allows for them and is consistent."""
     losses = next(_of_losses(log), None) if verdict.consistent else None
     if losses is None:
@@ -168,7 +168,7 @@ def noted(verdict: Verdict, log: SensorLog) -> Verdict:
     return replace(verdict, headline=f"{losses.finding.sentence} {verdict.headline}", note=losses.finding)
 
 
-def _unknown(log: SensorLog, which: NDArray[np.bool_]) -> SensorLog:
+def _mask_motion(log: SensorLog, which: NDArray[np.bool_]) -> SensorLog:
     """Return a log that does not know the motion in some intervals (n,), as in gaps that were filled."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], which, [False])).astype(np.int8)))
     spans = np.stack((log.time[edges[::2]], log.time[edges[1::2]]), axis=-1)

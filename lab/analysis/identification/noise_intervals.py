@@ -82,7 +82,7 @@ def logarithm_intervals(
     ends = {int(index): (lows[index], float(highs[index])) for index in noise}
     for index in range(*FIX.indices(PARAMETERS)):
         ends[index] = _of_variance(float(joint.value[index]), float(joint.sigma[index]))
-    return {index: _with(known.get(index), index, *both) for index, both in ends.items()}
+    return {index: _widen_interval(known.get(index), index, *both) for index, both in ends.items()}
 
 
 def _of_variance(value: float, sigma: float) -> Ends:
@@ -94,7 +94,7 @@ def _of_variance(value: float, sigma: float) -> Ends:
     return value + 0.5 * math.log(degrees / below), value + 0.5 * math.log(degrees / above)
 
 
-def _with(known: Known | None, index: int, low: float, high: float) -> Ends:
+def _widen_interval(known: Known | None, index: int, low: float, high: float) -> Ends:
     """Return an interval that contains what is known beside values that were held."""
     if known is None:
         return low, high
@@ -134,7 +134,7 @@ class _Profile:
     def _loss(self, likelihood: float) -> float:
         return math.sqrt(max(2 * (self._joint.log_likelihood - likelihood), 0.0))
 
-    def _plain(self, at: float, place: FloatArray) -> float:
+    def _loss_at(self, at: float, place: FloatArray) -> float:
         """Return the loss with the others at a place; infinite if the filter cannot run there."""
         moved = place.copy()
         moved[self._index] = at
@@ -143,11 +143,11 @@ class _Profile:
         except (ValueError, np.linalg.LinAlgError):
             return math.inf
 
-    def _alone(self) -> tuple[float, float, FloatArray] | None:
+    def _fit_alone(self) -> tuple[float, float, FloatArray] | None:
         """Return estimate, σ and place where it stands for all that may be zero; None if it cannot."""
         place = np.where(self._idle, -NOTHING, self._joint.value)
         value, sigma = float(self._joint.value[self._index]), self._sigma
-        if self._plain(value, place) < HARDLY:
+        if self._loss_at(value, place) < HARDLY:
             return value, sigma, place
         held = self._search.held | self._idle | self._late
         try:
@@ -158,7 +158,9 @@ class _Profile:
             return None
         return float(found.value[self._index]), float(found.sigma[self._index]), found.value
 
-    def _best(self, at: float, place: FloatArray, kept: Flags, most: int) -> tuple[float, FloatArray]:
+    def _minimize_others(
+        self, at: float, place: FloatArray, kept: Flags, most: int
+    ) -> tuple[float, FloatArray]:
         """Return the loss with the best values of the others, and these."""
         begin = place.copy()
         begin[self._index] = at
@@ -172,26 +174,26 @@ class _Profile:
         """Return the upper end: without the noises for which this one may stand, or with them."""
         value, sigma, place = float(self._joint.value[self._index]), self._sigma, self._joint.value
         kept, top = self._kept | self._late, self._whole[self._index].high
-        alone = self._alone() if self._idle.any() else None
+        alone = self._fit_alone() if self._idle.any() else None
         if alone is not None:
             (value, sigma, place), kept = alone, kept | self._idle
         certain = sigma < UNLIKE_ZERO
         at = value + NORMAL * sigma if certain else max(value, 0.0) + STEP
         low, high = (value, LEAST) if certain else None, None
         for _ in range(TRIALS):
-            lost = self._plain(at, place)
+            lost = self._loss_at(at, place)
             if abs(lost / self.wanted - 1) < CLOSE or (lost < self.wanted and at >= top):
                 break
             if lost < self.wanted:
                 low = at, max(lost, LEAST)
             else:
                 high = at, lost
-            at = min(_between(low, high, self.wanted, at), top)
+            at = min(_choose_next_trial(low, high, self.wanted, at), top)
         else:
             lost = self.wanted
         slope = lost * GROWTH if low is None or low[0] >= at else max(lost - low[1], LEAST) / (at - low[0])
         for _ in range(2):
-            lost, _ = self._best(at, place, kept, 1)
+            lost, _ = self._minimize_others(at, place, kept, 1)
             if not math.isfinite(lost):
                 break
             at = min(at + float(np.clip((self.wanted - lost) / slope, -STEP, STEP)), top)
@@ -215,9 +217,9 @@ class _Profile:
         for other in np.flatnonzero(self._idle):
             places.append(self._joint.value.copy())
             places[-1][other] = max(places[-1][other], highs[other] - BELOW)
-        place = min(places, key=lambda one: self._plain(value + 0.5 * math.log(at), one))
+        place = min(places, key=lambda one: self._loss_at(value + 0.5 * math.log(at), one))
         for _ in range(TRIALS):
-            lost, place = self._best(value + 0.5 * math.log(at), place, self._kept, ROUNDS_BESIDE)
+            lost, place = self._minimize_others(value + 0.5 * math.log(at), place, self._kept, ROUNDS_BESIDE)
             if lost > self.wanted:
                 first = at, min(lost, LARGE)
             else:
@@ -231,7 +233,7 @@ class _Profile:
         return value + 0.5 * math.log(at)
 
 
-def _between(
+def _choose_next_trial(
     low: tuple[float, float] | None, high: tuple[float, float] | None, wanted: float, at: float
 ) -> float:
     """Return the next trial for an end, from the trials below and above it: places and losses."""

@@ -64,14 +64,17 @@ class Search(NamedTuple):
         counts = self.counted & ~self.dropped
         if not self.masks:
             seen, _ = self.subject.navigate(experiment, self.dropped)
-            return _of(seen, self.counted, counts)
+            return _select_innovations(seen, self.counted, counts)
         parts = [self.subject.navigate(experiment, self.dropped | mask)[1] for mask in self.masks]
         thin = _seconds_apart(self.subject.stamps)
-        parts = [_of(part, mask & thin, counts) for part, mask in zip(parts, self.masks, strict=True)]
+        parts = [
+            _select_innovations(part, mask & thin, counts)
+            for part, mask in zip(parts, self.masks, strict=True)
+        ]
         return InnovationSeries(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def _of(seen: InnovationSeries, rows: Flags, counts: Flags) -> InnovationSeries:
+def _select_innovations(seen: InnovationSeries, rows: Flags, counts: Flags) -> InnovationSeries:
     """Return some rows of the innovations, with NaN for the ignored ones."""
     return InnovationSeries(np.where(counts[:, None], seen.innovation, np.nan)[rows], seen.covariance[rows])
 
@@ -81,7 +84,7 @@ def _seconds_apart(stamps: FloatArray) -> Flags:
     return np.asarray(np.diff(np.floor(stamps + 1e-6), prepend=-1.0) > 0)
 
 
-def maximised(
+def maximize_likelihood(
     search: Search,
     whole: list[Parameter],
     begin: FloatArray,
@@ -129,22 +132,22 @@ def find_observable(
             return math.inf
         return 2 * (estimate.log_likelihood - best.log_likelihood)
 
-    def refuted(index: int, value: float) -> bool:
+    def is_refuted(index: int, value: float) -> bool:
         return loss(index, value) > REJECTED
 
     without = np.array([loss(index, -NOTHING) for index in range(NOISE.stop)])
     for index in range(LOGARITHMS.stop):
         if index < NOISE.stop and without[index] <= REJECTED:
-            bounded[index] = not zero[index] and refuted(index, start[index])
+            bounded[index] = not zero[index] and is_refuted(index, start[index])
             held[index] = not bounded[index]
-        elif poor[index] and refuted(index, start[index]):
+        elif poor[index] and is_refuted(index, start[index]):
             bounded[index], held[index] = True, False
     if held.any():
         joint, together = estimate, estimate.sigma
         stands = np.where(zero, -NOTHING, start)
         begin = np.where(held, stands, joint.value)
-        estimate = maximised(search, whole, begin, held, tell, done, done + 0.1)
-        estimate = _with_refuted(search, whole, joint, estimate, held, stands)
+        estimate = maximize_likelihood(search, whole, begin, held, tell, done, done + 0.1)
+        estimate = _free_refuted_noise(search, whole, joint, estimate, held, stands)
         # A held lever arm is unknown: along the track, it has the same effect as a latency.
         unsure = ~held & (np.arange(held.size) >= LATENCY) & held[LATENCY:].any()
         estimate = replace(
@@ -153,7 +156,7 @@ def find_observable(
     return estimate, ~held, bounded, without
 
 
-def _with_refuted(
+def _free_refuted_noise(
     search: Search,
     whole: list[Parameter],
     joint: Estimate,
@@ -185,7 +188,7 @@ def _with_refuted(
     return estimate
 
 
-def known_of(
+def describe_parameters(
     search: Search, whole: list[Parameter], estimate: Estimate, shown: Flags, bounded: Flags
 ) -> dict[int, Known]:
     """Return what the log shows of each parameter."""
@@ -212,7 +215,7 @@ def _intervals(
         return ends | dict(zip(uneven, found, strict=True))
 
 
-def refuted(estimate: Estimate, known: Mapping[int, Known], stands: FloatArray) -> Flags:
+def find_refuted(estimate: Estimate, known: Mapping[int, Known], stands: FloatArray) -> Flags:
     """Return the mask (11,) of the parameters whose interval excludes what stands, beyond chance.
 
     Estimates that depend on each other, as latency and lever arm, may each contain it although both together

@@ -17,7 +17,7 @@ from lab.analysis.verdicts.run_evidence import Filtered
 from lab.base.arrays import Flags, FloatArray
 from lab.navigation import navigator as linear
 from lab.navigation.alignment.alignment import Alignment
-from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
+from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_filter
 from lab.navigation.filters import unscented
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.kernels.flight_piece import FlightPiece
@@ -26,7 +26,7 @@ from lab.navigation.model_choice import chosen_model
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import at_rest
 from lab.run.experiment_settings import ExperimentSettings
-from lab.run.memory import forget
+from lab.run.memory import release_pages
 from lab.run.run import Recorded, Run
 
 UNSMOOTHED = ("innovation", "innovation_covariance", "fix_sample", "fix_rejected", "fix_H", "fix_R")
@@ -75,7 +75,7 @@ class Simulated:
         assert run.aligned is not None  # of a simulated run
         self._start = run.aligned.start
         self._constants = run.aligned.P if navigator.alignment else None
-        self._imu, _ = measured(run)
+        self._imu, _ = sensor_data_of_run(run)
         self._aids = run.aids
 
     def navigate(
@@ -88,7 +88,7 @@ class Simulated:
         given = R + WITHHELD**2 * np.eye(MEASUREMENTS) * withheld[:, None, None]
         latency = assumed_latency(navigator, experiment.sensors.gps.latency)
         fixes = Fixes(self.stamps - latency, self._fixes.position, self._fixes.velocity_n)
-        schedule = schedule_of(navigator, imu.step, imu.dtheta.shape[0])
+        schedule = schedule_filter(navigator, imu.step, imu.dtheta.shape[0])
         model, aids = chosen_model(navigator, experiment.sensors), self._aids
         arguments = (imu, fixes, self._start, assumed._replace(R=given), schedule)
         if navigator.model == "nonlinear":
@@ -99,7 +99,7 @@ class Simulated:
             solution = unscented.navigate(imu, *arguments[1:], aids=aids, names=model.blocks)
         else:
             solution = linear.navigate(*arguments, model, aids=aids)
-        return _seen(solution), _predicted(solution, R)
+        return _read_innovations(solution), _predict_innovations(solution, R)
 
 
 class Logged:
@@ -130,11 +130,11 @@ class Logged:
         self._starts.setdefault(latency, (run.alignment, arm))
         rows = np.searchsorted(self.stamps - latency, run.fixes.time - _ROUNDING)
         return (
-            self._of_all(_seen(run.solution), rows),
-            self._of_all(_predicted(run.solution, run.belief.R), rows),
+            self._spread_over_fixes(_read_innovations(run.solution), rows),
+            self._spread_over_fixes(_predict_innovations(run.solution, run.belief.R), rows),
         )
 
-    def _of_all(self, seen: InnovationSeries, rows: NDArray[np.intp]) -> InnovationSeries:
+    def _spread_over_fixes(self, seen: InnovationSeries, rows: NDArray[np.intp]) -> InnovationSeries:
         """Return the innovations of all fixes, with NaN for those outside the time of the run."""
         innovation = np.full((self.stamps.size, MEASUREMENTS), np.nan)
         covariance = np.tile(np.eye(MEASUREMENTS), (self.stamps.size, 1, 1))
@@ -192,10 +192,10 @@ class _Gathered:
         if fixes.size:
             self.gains[done] = gains(piece.out, fixes)
             for name in ("fix_covariance", "fix_H", "fix_R", "innovation_covariance"):
-                forget(getattr(piece.out, name)[: fixes[-1] + 1])
+                release_pages(getattr(piece.out, name)[: fixes[-1] + 1])
 
 
-def filtered(run: Run) -> Filtered:
+def filter_run(run: Run) -> Filtered:
     """Return the filter's own run for a simulated run that was smoothed; a long one has few histories.
 
     Only the navigation is computed again; see `navigator.navigate_to_fixes`.
@@ -203,8 +203,8 @@ def filtered(run: Run) -> Filtered:
     assert run.aligned is not None  # of a simulated run
     assert run.ideal is not None
     navigator = run.experiment.navigator
-    imu, fixes = measured(run)
-    schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
+    imu, fixes = sensor_data_of_run(run)
+    schedule = schedule_filter(navigator, run.ideal.dt, imu.dtheta.shape[0])
     model = chosen_model(navigator, run.experiment.sensors)
     if not run.is_long:
         given = imu, fixes, run.aligned.start, run.belief, schedule, model
@@ -220,7 +220,7 @@ def filtered(run: Run) -> Filtered:
     return Filtered(solution, motion_at_fixes(solution, samples, imu, gathered.velocity), gathered.gains)
 
 
-def measured(run: Run) -> tuple[Imu, Fixes]:
+def sensor_data_of_run(run: Run) -> tuple[Imu, Fixes]:
     """Return the increments and the fixes of a simulated run as its filter got them."""
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     fixes = Fixes(run.fix_validity, run.fixes.position, run.fixes.velocity_n)
@@ -229,11 +229,11 @@ def measured(run: Run) -> tuple[Imu, Fixes]:
     return imu, fixes
 
 
-def _seen(solution: Solution) -> InnovationSeries:
+def _read_innovations(solution: Solution) -> InnovationSeries:
     return InnovationSeries(solution.innovation, solution.innovation_covariance)
 
 
-def _predicted(solution: Solution, R: FloatArray) -> InnovationSeries:
+def _predict_innovations(solution: Solution, R: FloatArray) -> InnovationSeries:
     """Return innovations with their covariance H P Hᵀ + R by the P after each fix.
 
     A withheld fix does not change P. The filter's own S for it would be the difference of large numbers.

@@ -28,10 +28,10 @@ def describe_spread(seen: InnovationSeries) -> str:
     seen
         The innovations, in the order of time.
     """
-    return _halves(seen) or _tails(seen) or _size(seen)
+    return _describe_halves(seen) or _tails(seen) or _size(seen)
 
 
-def _halves(seen: InnovationSeries) -> str:
+def _describe_halves(seen: InnovationSeries) -> str:
     """Return whether NIS is larger in one half of the log than in the other."""
     nis, degrees = squares(seen)
     middle = nis.size // 2

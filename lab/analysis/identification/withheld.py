@@ -57,7 +57,9 @@ class Predicted(NamedTuple):
     outage: NDArray[np.int64]
 
 
-def predicted(subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags) -> Predicted:
+def predict_withheld(
+    subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags
+) -> Predicted:
     """Return the innovations of the fixes withheld in one set, without outliers (`dropped`)."""
     seen = innovations_of_withheld(subject, experiment, withheld)
     known = withheld & ~dropped & np.isfinite(seen.innovation).any(axis=1)
@@ -70,10 +72,12 @@ def held_out(
 ) -> HeldOut:
     """Return the accuracy of a filter's prediction of the fixes of all sets."""
     with ThreadPoolExecutor(max_workers=2) as pool:
-        return judged(list(pool.map(lambda mask: predicted(subject, experiment, mask, dropped), masks)))
+        return judge_prediction(
+            list(pool.map(lambda mask: predict_withheld(subject, experiment, mask, dropped), masks))
+        )
 
 
-def judged(parts: Sequence[Predicted]) -> HeldOut:
+def judge_prediction(parts: Sequence[Predicted]) -> HeldOut:
     """Return the accuracy of the prediction."""
     seen = InnovationSeries(
         *(np.concatenate(arrays) for arrays in zip(*(part.seen for part in parts), strict=True))

@@ -19,7 +19,15 @@ import numpy as np
 from scipy import special
 
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.finding import Weighed, Wording, is_right, mean_square, size_weight, too, written
+from lab.analysis.verdicts.finding import (
+    Weighed,
+    Wording,
+    format_number,
+    is_right,
+    mean_square,
+    size_weight,
+    wrong_direction,
+)
 from lab.analysis.verdicts.finding_table import IN_QUARTER, TOGETHER, VALUES
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, Figure, RunMeans
 from lab.base.arrays import FloatArray
@@ -75,14 +83,14 @@ def agreements(means: RunMeans) -> list[Agreement]:
     first = Figure(NEES if NEES in quantities else NIS)
     found = []
     for at in known:
-        mean, low, high, chance = _judged(values[:, at])
+        mean, low, high, chance = _judge_mean(values[:, at])
         figure = means.figures[at]
         limit = limits.VERDICT.family_chance / 2 / (1 if figure == first else max(known.size - 1, 1))
         found.append(Agreement(figure, mean, low, high, chance, limit))
     return found
 
 
-def _judged(values: FloatArray) -> tuple[float, float, float, float]:
+def _judge_mean(values: FloatArray) -> tuple[float, float, float, float]:
     """Return the mean of positive draws (runs,), its 95 % interval, and the probability if it should be 1."""
     runs, mean, sigma = values.size, float(values.mean()), float(values.std(ddof=1))
     # The variance of the cube root of a χ² variable, in units of its mean: 2/9 of one over its degrees.
@@ -170,9 +178,9 @@ def _weighed(off: list[_Off], worded: FigureWording) -> Weighed:
         factor,
         "; ".join((*evidence, f"and {more} more") if more else evidence),
         quantity=_name(first.figure, worded),
-        direction=too(1 / first.ratio),
+        direction=wrong_direction(1 / first.ratio),
         values=_values(first.figure, worded),
-        size=written(np.sqrt(first.ratio), 2 if factor > limits.VERDICT.wrong_factor else 3),
+        size=format_number(np.sqrt(first.ratio), 2 if factor > limits.VERDICT.wrong_factor else 3),
     )
     return Weighed(first.weight, finding)
 

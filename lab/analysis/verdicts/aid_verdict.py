@@ -48,12 +48,12 @@ def aid_squares(solution: Solution, kinds: NDArray[np.int64], gate: float = 0.0)
     for kind in np.unique(kinds[known]):
         mine = squares[known & (kinds == kind)]
         if gate:
-            mine = _as_if_not_gated(mine, largest_nis(gate, 1))
+            mine = _undo_gate(mine, largest_nis(gate, 1))
         total[kind], number[kind] = mine.sum(), mine.size
     return Squares(total, number)
 
 
-def _as_if_not_gated(squares: FloatArray, limit: float) -> FloatArray:
+def _undo_gate(squares: FloatArray, limit: float) -> FloatArray:
     """Return the accepted squares, scaled to the mean square of the Gaussian of which a gate has passed them.
 
     Where the noise is so large that they fill the gate evenly, all squares are returned.

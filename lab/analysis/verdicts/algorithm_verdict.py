@@ -22,7 +22,7 @@ from lab.analysis.verdicts.finding import (
     headline,
     judge_size,
     sorted_findings,
-    too,
+    wrong_direction,
 )
 from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.innovation_evidence import nis_means, none_given, sizes
@@ -107,6 +107,6 @@ def _gain(evidence: AlgorithmEvidence) -> list[Weighed]:
     finding = FINDINGS["low gain of an algorithm" if most > 0 else "high gain of an algorithm"].finding(
         float("nan"),
         f"correlation from fix to fix {after[0, 0]:.2f} (position), {after[0, 1]:.2f} (velocity)",
-        direction=too(most),
+        direction=wrong_direction(most),
     )
     return [Weighed(most**2 / 2, finding)]

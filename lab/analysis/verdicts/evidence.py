@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
 from lab.analysis.consistency import normalised_squares
-from lab.analysis.fix_causes import MotionAtFixes, causes_of, motion_at_fixes, of_fixes
+from lab.analysis.fix_causes import MotionAtFixes, error_per_cause, motion_at_fixes, of_fixes
 from lab.analysis.verdicts.aid_verdict import aid_squares
 from lab.analysis.verdicts.fix_evidence import FixErrors, fix_errors
 from lab.analysis.verdicts.innovation_evidence import Innovations, innovations, offered
@@ -297,7 +297,7 @@ def evidence(
             belief,
             fixes,
             seen,
-            causes_of(motion),
+            error_per_cause(motion),
             reference.whole,
             reference.dtheta,
             solution.fix_rejected[seen],
@@ -405,7 +405,7 @@ def series_of_states(
         values, own = x[..., block], P[..., block, block]
         width, squares = values.shape[-1], np.zeros(x.shape[:-1])
         own = own.reshape(squares.size, width, width)
-        degrees = np.full(time.size, float(consistency.uncertain(own).size if own.size else 0))
+        degrees = np.full(time.size, float(consistency.find_uncertain_states(own).size if own.size else 0))
         if group == ALL and nees is not None:
             squares = nees
         elif own.size:
@@ -431,4 +431,4 @@ def position_nees(solution: Solution, at: NDArray[np.intp], reference: Reference
     """Return NEES of the position at samples (k,), and its degrees of freedom."""
     x = _errors(solution, at, reference)[:, POS]
     P = errors.block_matrices(solution.variance[at][:, POS], solution.covariance[at, 0])
-    return consistency.normalised_squares(x, P), consistency.uncertain(P).size
+    return consistency.normalised_squares(x, P), consistency.find_uncertain_states(P).size

@@ -99,7 +99,7 @@ class Advice(NamedTuple):
 
     def filled(self, **fields: object) -> Advice:
         """Return the advice with its fields filled."""
-        return Advice(_filled(self.text, fields), tuple(_changed(one, fields) for one in self.changes))
+        return Advice(_fill_text(self.text, fields), tuple(_fill_change(one, fields) for one in self.changes))
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class Wording:
         fields["direction"] = direction
         changes = (one._replace(rows=rows) if one.times else one for one in self.changes)
         advice = Advice(self.advice, tuple(changes)).filled(**fields)
-        quantity, sentence = (_filled(text, fields) for text in (self.quantity, self.sentence))
+        quantity, sentence = (_fill_text(text, fields) for text in (self.quantity, self.sentence))
         text, done = advice
         return Finding(quantity, direction, size, sentence, text, evidence, done, interval)
 
@@ -158,24 +158,24 @@ class _Fields(Formatter):
 
     def format_field(self, value: object, format_spec: str) -> str:
         if isinstance(value, float) and not format_spec:
-            return written(value)
+            return format_number(value)
         return str(super().format_field(value, format_spec))
 
 
 _FIELDS = _Fields()
 
 
-def _filled(text: str, fields: dict[str, object]) -> str:
+def _fill_text(text: str, fields: dict[str, object]) -> str:
     return _FIELDS.vformat(text, (), fields)
 
 
-def _changed(change: Change, fields: dict[str, object]) -> Change:
+def _fill_change(change: Change, fields: dict[str, object]) -> Change:
     """Return a change of a row of the table, with its fields filled; a factor is rounded to two digits."""
     value = change.value
     if isinstance(value, str) and value.startswith("{"):
         value = fields[value[1:-1]]
-        value = rounded(value) if change.times and isinstance(value, float) else value
-    return change._replace(path=_filled(change.path, fields), value=value)
+        value = round_digits(value) if change.times and isinstance(value, float) else value
+    return change._replace(path=_fill_text(change.path, fields), value=value)
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ def judge_size(
     ratio = max(total / count, 1e-12)
     factor = max(ratio, 1 / ratio)
     fewest, most = chi_square_interval(count, 1, limits.VERDICT.confidence)
-    interval = wrong_by(ratio, total / most, total / fewest)
+    interval = wrong_factor_interval(ratio, total / most, total / fewest)
     finding = wording.finding(
         factor,
         f"{mean_square(squares, of_what, doubt)}{interval_words(interval)}",
@@ -296,13 +296,13 @@ def judge_size(
         root=float(np.sqrt(ratio)),
         factor=factor,
         multiply=ratio,
-        direction=too(ratio),
+        direction=wrong_direction(ratio),
         **fields,
     )
     return [Weighed(size_weight(total, count), finding)]
 
 
-def too(ratio: float) -> str:
+def wrong_direction(ratio: float) -> str:
     """Return the direction in which a variance is wrong, given the true one over the assumed one."""
     return "too small" if ratio > 1 else "too large"
 
@@ -313,17 +313,17 @@ def size_weight(total: float, count: float) -> float:
     return float(count / 2 * (ratio - 1 - np.log(ratio)))
 
 
-def written(number: float, digits: int = 2) -> str:
+def format_number(number: float, digits: int = 2) -> str:
     """Return a number, rounded to some digits, as people write it: 9800, and not 9.8e+03."""
-    return np.format_float_positional(rounded(number, digits), trim="-")
+    return np.format_float_positional(round_digits(number, digits), trim="-")
 
 
-def rounded(number: float, digits: int = 2) -> float:
+def round_digits(number: float, digits: int = 2) -> float:
     """Return a number, rounded to some digits."""
     return float(f"{number:.{digits}g}")
 
 
-def wrong_by(ratio: float, low: float, high: float) -> tuple[float, float]:
+def wrong_factor_interval(ratio: float, low: float, high: float) -> tuple[float, float]:
     """Return the interval of the factor by which a variance is too small or too large.
 
     `low` and `high` are the interval of `ratio`, the true variance over the assumed one.
@@ -336,25 +336,29 @@ def interval_words(interval: tuple[float, float] | None) -> str:
     if interval is None:
         return ""
     low, high = interval
-    ends = f"{written(low)} to {written(high)}" if np.isfinite(high) else f"at least {written(low)}"
+    ends = (
+        f"{format_number(low)} to {format_number(high)}"
+        if np.isfinite(high)
+        else f"at least {format_number(low)}"
+    )
     return f"; 95 % interval of the factor {ends}"
 
 
 def mean_square(squares: Squares, of_what: str, doubt: float | None = None) -> str:
     """Return a mean square and its expected interval as text."""
     total, count = float(squares.total), float(squares.number)
-    low, high = (limit / count for limit in chi_square_interval(count, 1, 1 - _doubt(doubt)))
-    found = f"normalised mean square of the {of_what} {written(total / count, 3)}"
+    low, high = (limit / count for limit in chi_square_interval(count, 1, 1 - _describe_doubt(doubt)))
+    found = f"normalised mean square of the {of_what} {format_number(total / count, 3)}"
     return f"{found}; a matched filter gives {low:.2f} to {high:.2f}"
 
 
-def _doubt(given: float | None) -> float:
+def _describe_doubt(given: float | None) -> float:
     return limits.VERDICT.doubt if given is None else given
 
 
 def is_right(total: float, count: float, doubt: float | None = None) -> bool:
     """Return whether a sum of `count` squares is compatible with unit variance, or close enough to it."""
-    low, high = chi_square_interval(count, 1, 1 - _doubt(doubt))
+    low, high = chi_square_interval(count, 1, 1 - _describe_doubt(doubt))
     return (
         low <= total <= high or 1 / limits.VERDICT.wrong_factor < total / count < limits.VERDICT.wrong_factor
     )

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from lab.analysis import errors
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.outliers import outliers, stands_out
-from lab.analysis.verdicts.pattern import binned
+from lab.analysis.verdicts.pattern import bin_squares
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations, pseudoinverse
 from lab.base.arrays import FloatArray, of_kernel
 from lab.motion.frames import ecef
@@ -145,7 +145,7 @@ def fix_errors_abreast(
         The true flight.
     """
     variance = np.diagonal(belief.R)
-    there = _interpolated(truth, times)
+    there = _interpolate_truth(truth, times)
     true = np.tile(there.position, (len(positions), 1))
     off = displacement(true, positions.reshape(-1, 3)).reshape(positions.shape)
     error = np.concatenate((off, velocities_n - there.velocity_n), axis=2) / np.sqrt(variance)
@@ -167,7 +167,7 @@ def _of_errors(
     by_causes = pseudoinverse(plain.matrix) @ plain.vector[..., None]
     rest = error - (causes @ by_causes[:, None])[..., 0]
     squares = np.stack((np.sum(rest**2, axis=1), np.sum(np.minimum(rest**2, CAPPED), axis=1)), axis=1)
-    in_time = binned(rest, times, span)
+    in_time = bin_squares(rest, times, span)
     return [
         FixErrors(
             count=times.size,
@@ -239,14 +239,14 @@ def _of_lever_arm(lever_arm: FloatArray, truth: Truth, dtheta: FloatArray, times
 
 def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> FloatArray:
     """Return the errors (m, 6) of fixes relative to the truth one latency earlier [m], [m/s]."""
-    there = _interpolated(truth, fixes.time[used] - late)
+    there = _interpolate_truth(truth, fixes.time[used] - late)
     velocity_n = ecef.resolved_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
     return np.concatenate(
         (errors.position_error(fixes.position[used], there), velocity_n - there.velocity_n), axis=1
     )
 
 
-def _interpolated(truth: Truth, times: FloatArray) -> Truth:
+def _interpolate_truth(truth: Truth, times: FloatArray) -> Truth:
     """Return the truth at times (m,) without attitudes [s]."""
     times = np.clip(times, truth.time[0], truth.time[-1])
     after = np.clip(np.searchsorted(truth.time, times, side="right"), 1, truth.time.size - 1)

@@ -11,7 +11,7 @@ from lab.analysis.verdicts.finding import Finding, Weighed, Wording, judge_size
 from lab.analysis.verdicts.finding_table import FINDINGS
 from lab.analysis.verdicts.fix_evidence import RATIOS, TIMES, FixErrors
 from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
-from lab.analysis.verdicts.selection import rivals, select
+from lab.analysis.verdicts.selection import rivals, select_causes
 from lab.analysis.verdicts.sums import Fit, Squares, pseudoinverse
 from lab.base.arrays import FloatArray
 
@@ -140,7 +140,7 @@ def judge_causes(fit: Fit, assumed: FloatArray) -> list[Weighed]:
     """
     found = []
     records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
-    chosen = select(records, _CAUSES, limits.VERDICT.cause_ratio)
+    chosen = select_causes(records, _CAUSES, limits.VERDICT.cause_ratio)
     if len(chosen) == 1:
         alike = rivals(records, _CAUSES, chosen[0], limits.VERDICT.cause_ratio)
         sizes = {chosen[0].name: chosen[0].estimate} | alike
@@ -160,12 +160,12 @@ def judge_causes(fit: Fit, assumed: FloatArray) -> list[Weighed]:
 def latency(size: float, gain: float, assumed: FloatArray) -> Finding:
     """Return the finding of a latency [s] beyond the one the filter assumed, `assumed` (4,)."""
     statistic = f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}"
-    return FINDINGS["GPS latency"].finding(abs(size), statistic, **_late(size, assumed))
+    return FINDINGS["GPS latency"].finding(abs(size), statistic, **_late_fields(size, assumed))
 
 
 def lever_arm(arm: FloatArray, gain: float, assumed: FloatArray) -> Finding:
     """Return the finding of a lever arm error (3,) [m] beyond the arm the filter assumed, `assumed` (4,)."""
-    fields = _away(arm, assumed)
+    fields = _lever_arm_fields(arm, assumed)
     statistic = f"lever arm {fields['place']}, logarithm of the likelihood ratio {gain:.0f}"
     return FINDINGS["GPS lever arm"].finding(float(np.linalg.norm(arm)), statistic, **fields)
 
@@ -175,7 +175,7 @@ def lever_arm_or_latency(arm: FloatArray, late: float, gain: float, assumed: Flo
 
     Each is what it would be alone; `assumed` is as of `latency`.
     """
-    fields = _away(arm, assumed) | _late(late, assumed)
+    fields = _lever_arm_fields(arm, assumed) | _late_fields(late, assumed)
     statistic = (
         f"lever arm {fields['place']}, or latency {late:.3f} s, logarithm of the likelihood ratio {gain:.0f}"
     )
@@ -183,12 +183,12 @@ def lever_arm_or_latency(arm: FloatArray, late: float, gain: float, assumed: Flo
     return row.finding(float(np.linalg.norm(arm)), statistic, **fields)
 
 
-def _late(size: float, assumed: FloatArray) -> dict[str, Any]:
+def _late_fields(size: float, assumed: FloatArray) -> dict[str, Any]:
     side = "late" if size > 0 else "early"
     return {"seconds": abs(size), "side": side, "latency": float(round(assumed[0] + size, 2))}
 
 
-def _away(arm: FloatArray, assumed: FloatArray) -> dict[str, Any]:
+def _lever_arm_fields(arm: FloatArray, assumed: FloatArray) -> dict[str, Any]:
     return {
         "length": float(np.linalg.norm(arm)),
         "place": f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down",

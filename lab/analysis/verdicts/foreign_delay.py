@@ -32,7 +32,7 @@ from scipy.ndimage import binary_dilation
 from scipy.signal import lfilter, savgol_filter
 
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.finding import Weighed, written
+from lab.analysis.verdicts.finding import Weighed, format_number
 from lab.analysis.verdicts.foreign_evidence import FEWEST, SETTLED, Measurement
 from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.base.arrays import Flags, FloatArray, of_kernel
@@ -136,7 +136,7 @@ def fix_delay(judged: Sequence[Measurement], gnss: GnssLog, epoch: float) -> Del
     if not sign:
         return None
     bases = [np.linalg.qr(noise[one % 3][rows[one]])[0] for one in range(6)]
-    left = [_without(bases[one], sign * nu[rows[one], one]) for one in used]
+    left = [_remove_basis(bases[one], sign * nu[rows[one], one]) for one in used]
     sizes = [float(np.std(one)) for one in left]
     if not min(sizes) > 0:
         return None
@@ -152,9 +152,10 @@ def fix_delay(judged: Sequence[Measurement], gnss: GnssLog, epoch: float) -> Del
         )  # fmt: skip
         found /= np.sqrt(variance)[:, :, None]
         x = np.concatenate([
-            _without(bases[one], found[rows[one], one]) / size for one, size in zip(used, sizes, strict=True)
+            _remove_basis(bases[one], found[rows[one], one]) / size
+            for one, size in zip(used, sizes, strict=True)
         ])  # fmt: skip
-        late, along, turned = (_fitted(one, y, part) for one in x.T)
+        late, along, turned = (_fit_response(one, y, part) for one in x.T)
         heading = max(heading, turned[2])
         if late[2] > (0.0 if best is None else best.growth):
             speed = float(np.sqrt(np.mean(np.sum(smooth**2, axis=1))))
@@ -200,7 +201,7 @@ def _noise(deviations: FloatArray) -> list[FloatArray]:
     return [np.column_stack([one[:, axis] for one in columns]) for axis in range(3)]
 
 
-def _without(basis: FloatArray, values: FloatArray) -> FloatArray:
+def _remove_basis(basis: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(values - basis @ (basis.T @ values))
 
 
@@ -227,7 +228,7 @@ def _errors(smooth: FloatArray, acceleration: FloatArray, period: float, width: 
     return np.ascontiguousarray(-np.stack((late, back, np.zeros_like(late)), axis=2))
 
 
-def _fitted(x: FloatArray, y: FloatArray, part: FloatArray) -> tuple[float, float, float]:
+def _fit_response(x: FloatArray, y: FloatArray, part: FloatArray) -> tuple[float, float, float]:
     """Return a multiple of a response, its σ by parts of the log, and the growth of the log-likelihood."""
     square = float(x @ x)
     if not 0 < square < np.inf:
@@ -320,13 +321,14 @@ def of_delay(judged: Sequence[Measurement], gnss: GnssLog, epoch: float) -> list
         return []
     sources = ", ".join(one.innovations.source for one in judged if one.innovations.unit in _NAMES)
     evidence = (
-        f"{written(found.size)} ± {written(found.sigma)} s by the velocities of the fixes; growth of the "
+        f"{format_number(found.size)} ± {format_number(found.sigma)} s by the velocities of the fixes; "
+        "growth of the "
         f"log-likelihood {found.growth:.0f}, by an antenna farther back {found.along:.0f}, by a wrong "
         f"heading {found.heading:.0f}; {found.number} fixes ({sources})"
     )
     alike = " at one speed" if found.along > allowed.delay_part * found.growth else ""
     size = abs(found.size)
     finding = FOREIGN_FINDINGS[("late" if found.size > 0 else "early") + alike].finding(
-        found.size, evidence, size=written(size), way=written(size * found.speed)
+        found.size, evidence, size=format_number(size), way=format_number(size * found.speed)
     )
     return [Weighed(float("inf"), finding)]  # it stands before what it explains

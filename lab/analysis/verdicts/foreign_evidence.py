@@ -23,7 +23,7 @@ from lab.analysis.consistency import autocorrelation, chi_square_interval
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.innovation_evidence import LAGS
 from lab.analysis.verdicts.outliers import NEIGHBOURS, outliers
-from lab.analysis.verdicts.pattern import Stretch, binned, stretch, stretch_times
+from lab.analysis.verdicts.pattern import Stretch, bin_squares, stretch, stretch_times
 from lab.analysis.verdicts.sums import Kept
 from lab.base.arrays import Flags, FloatArray
 from lab.data.log.filter_log import Innovations
@@ -99,7 +99,7 @@ class Measurement:
     @property
     def follows(self) -> float:
         """Correlation from one innovation to the next few, in its σ; 0 if unknown."""
-        return following(self.lagged, self.values)
+        return lag_correlation(self.lagged, self.values)
 
     @property
     def apart_times(self) -> tuple[float, float]:
@@ -114,18 +114,18 @@ class Measurement:
         return self.count >= FEWEST and bool(np.isfinite(self.mean_square))
 
 
-def following(lagged: FloatArray, values: float) -> float:
+def lag_correlation(lagged: FloatArray, values: float) -> float:
     """Return the sum of the correlations over the lags in its σ for white innovations; 0 if unknown."""
     total = float(np.nansum(lagged))
     return total * float(np.sqrt(values / LAGS)) if np.isfinite(lagged).all() else 0.0
 
 
-def measured(one: Innovations) -> Measurement:
+def measure_innovations(one: Innovations) -> Measurement:
     """Return the figures of the innovations of one measurement."""
-    judged = _taken(one, slice(SETTLED, None)) if len(one.time) > FEWEST + SETTLED else one
+    judged = _take_rows(one, slice(SETTLED, None)) if len(one.time) > FEWEST + SETTLED else one
     offered = judged
     size = np.sqrt(judged.square) if np.isfinite(judged.square).all() else np.zeros(len(judged.time))
-    judged = _taken(judged, ~isolated(np.column_stack((np.nan_to_num(judged.normalised), size))))
+    judged = _take_rows(judged, ~find_isolated(np.column_stack((np.nan_to_num(judged.normalised), size))))
     count, axes = judged.values.shape
     fine = np.isfinite(judged.normalised).all(axis=1)
     values = judged.normalised[fine]
@@ -150,12 +150,12 @@ def measured(one: Innovations) -> Measurement:
         float(values.size) if known else 0.0,
         values.mean(axis=0) if known else nothing,
         np.sqrt(np.var(values, axis=0) * memory(centred, len(values)) / len(values)) if known else nothing,
-        _apart(judged) if known else None,
+        _find_odd_stretch(judged) if known else None,
         offered,
     )
 
 
-def isolated(values: FloatArray) -> Flags:
+def find_isolated(values: FloatArray) -> Flags:
     """Return which values (n, k), of up to four columns, are single ones far off those around them.
 
     Multipath makes them, and damaged bytes of a log. A large part of the values is none: see `outliers`.
@@ -166,7 +166,7 @@ def isolated(values: FloatArray) -> Flags:
     return found if found.mean() <= limits.VERDICT.outlying_fixes else np.zeros(len(values), dtype=bool)
 
 
-def _taken(one: Innovations, rows: slice | Flags) -> Innovations:
+def _take_rows(one: Innovations, rows: slice | Flags) -> Innovations:
     kept = {name: getattr(one, name)[rows] for name in ("time", "values", "normalised", "square", "ratio")}
     return replace(one, **kept)
 
@@ -191,9 +191,9 @@ def memory(correlations: FloatArray, count: int) -> float:
     return max(1.0, float(1 + 2 * np.sum(mean[:end])))
 
 
-def _apart(one: Innovations) -> Stretch | None:
+def _find_odd_stretch(one: Innovations) -> Stretch | None:
     """Return the stretch in which the innovations are too large while the others are not."""
     values = np.full((len(one.time), 6), np.nan)
     values[:, : one.values.shape[1]] = one.normalised[:, :3]
     span = float(one.time[0]), float(one.time[-1])
-    return stretch(binned(values, one.time, span), 0, alone=True)
+    return stretch(bin_squares(values, one.time, span), 0, alone=True)

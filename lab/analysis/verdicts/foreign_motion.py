@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.finding import Weighed, written
+from lab.analysis.verdicts.finding import Weighed, format_number
 from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement
 from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.base.arrays import FloatArray
@@ -98,7 +98,7 @@ def heading_error(one: Measurement, gnss: GnssLog, epoch: float) -> HeadingError
     sigma = np.where(np.isfinite(sigma) & (sigma > 0), sigma, np.nanmedian(sigma))
     turned, late = [], []
     for gain in GAINS:
-        both = (_without_own(velocity, width, period, gain)[:, rows] / sigma).reshape(2, -1)
+        both = (_interpolate_neighbours(velocity, width, period, gain)[:, rows] / sigma).reshape(2, -1)
         turned.append(_growth(both[0], nu.ravel()))
         late.append(_growth(both[1], nu.ravel(), LATEST))
     growth, size, spread = max(turned)
@@ -120,7 +120,7 @@ def _responses(velocity: FloatArray, width: int, period: float, gain: float) -> 
     return np.asarray(lfilter([1.0], [1.0, gain - 1.0], inputs, axis=1))
 
 
-def _without_own(velocity: FloatArray, width: int, period: float, gain: float) -> FloatArray:
+def _interpolate_neighbours(velocity: FloatArray, width: int, period: float, gain: float) -> FloatArray:
     """Return the same with each fix and those beside it interpolated between the next ones."""
     found = _responses(velocity, width, period, gain)
     centre, span = 2 * width + LEFT_OUT + 1, LEFT_OUT + 1
@@ -157,11 +157,12 @@ def of_heading(one: Measurement, gnss: GnssLog, epoch: float) -> list[Weighed]:
         return []
     degrees = np.degrees([found.size, found.sigma])
     evidence = (
-        f"{written(degrees[0])} ± {written(degrees[1])}° within a factor of two, by the accelerations of the "
+        f"{format_number(degrees[0])} ± {format_number(degrees[1])}° within a factor of two, by the "
+        "accelerations of the "
         f"fixes; growth of the log-likelihood {found.gain:.0f}, by a delay {found.delay:.0f}; {found.number} "
         f"innovations ({one.innovations.source})"
     )
     finding = FOREIGN_FINDINGS["heading"].finding(
-        found.size, evidence, kind=one.innovations.name, size=written(degrees[0])
+        found.size, evidence, kind=one.innovations.name, size=format_number(degrees[0])
     )
     return [Weighed(float("inf"), finding)]  # it stands before what it explains

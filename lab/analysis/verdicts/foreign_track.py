@@ -14,8 +14,8 @@ import numpy as np
 
 from lab.analysis.consistency import autocorrelation, chi_square_interval
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.finding import Weighed, size_weight, written
-from lab.analysis.verdicts.foreign_evidence import FEWEST, LONGEST_MEMORY, isolated, memory
+from lab.analysis.verdicts.finding import Weighed, format_number, size_weight
+from lab.analysis.verdicts.foreign_evidence import FEWEST, LONGEST_MEMORY, find_isolated, memory
 from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.base.arrays import FloatArray
 from lab.data.log.filter_log import Track
@@ -59,7 +59,7 @@ class Jump(NamedTuple):
     usual: float
 
 
-def against(
+def compare_positions(
     track: Track,
     what: str,
     time: FloatArray,
@@ -93,7 +93,7 @@ def against(
         return None
     own = np.column_stack([np.interp(time, track.time, column) for column in track.position.T])[inside]
     apart = displacement(place[inside], own)[:, :2]
-    fine = ~isolated(apart / max(float(np.median(np.abs(apart))), LEAST))
+    fine = ~find_isolated(apart / max(float(np.median(np.abs(apart))), LEAST))
     there, apart = np.flatnonzero(inside)[fine], apart[fine]
     lag, late = _without_lag(apart, velocity_n[there, :2])
     size = float(np.sqrt(np.mean(np.sum(late**2, axis=1))))
@@ -101,7 +101,7 @@ def against(
     variance = of_track**2 + sigma[there, :2] ** 2 + arm**2
     variance += (limits.VERDICT.stamp_error * np.nan_to_num(velocity_n[there, :2])) ** 2
     known = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
-    begin = f"Its horizontal position is {written(size)} m rms from {what}"
+    begin = f"Its horizontal position is {format_number(size)} m rms from {what}"
     behind = f", after {lag:+.2f} s between the clocks" if lag else ""
     rests = f"{len(there)} positions{behind} ({track.source})"
     if known.sum() < FEWEST:
@@ -111,8 +111,9 @@ def against(
     independent = values.size / memory(autocorrelation(values, LONGEST_MEMORY) ** 2, len(values))
     high = chi_square_interval(round(independent, 1), 1, 1 - limits.VERDICT.doubt)[1] / independent
     said = Statement(
-        f"{begin}, {written(square**0.5)} times the σ of both together.",
-        f"normalised mean square {written(square, 3)} of {rests}, {independent:.0f} independent values; up "
+        f"{begin}, {format_number(square**0.5)} times the σ of both together.",
+        f"normalised mean square {format_number(square, 3)} of {rests}, {independent:.0f} independent "
+        "values; up "
         f"to {high:.2f} is chance",
     )
     if square < max(high, limits.VERDICT.consistent_nis):
@@ -149,9 +150,9 @@ def jumps(gnss: GnssLog, epoch: float) -> list[Jump]:
     dt = np.diff(gnss.time)
     velocity = np.nan_to_num(gnss.velocity_n[:, :2])
     way = np.cumsum(np.vstack((np.zeros(2), 0.5 * (velocity[:-1] + velocity[1:]) * dt[:, None])), axis=0)
-    apart = _beside(gnss.position, way, 1)
+    apart = _velocity_mismatch(gnss.position, way, 1)
     # A single position that is off goes there and back: it is an outlier, and no jump.
-    lasting = np.append(_beside(gnss.position, way, 2), np.nan)
+    lasting = np.append(_velocity_mismatch(gnss.position, way, 2), np.nan)
     known = np.all(np.isfinite(gnss.velocity_n[:, :2]), axis=1)
     known = np.asarray(known)
     fine = known[:-1] & known[1:] & (dt <= limits.VERDICT.jump_interval)
@@ -165,7 +166,7 @@ def jumps(gnss: GnssLog, epoch: float) -> list[Jump]:
     ]
 
 
-def _beside(position: FloatArray, way: FloatArray, fixes: int) -> FloatArray:
+def _velocity_mismatch(position: FloatArray, way: FloatArray, fixes: int) -> FloatArray:
     """Return the distance of positions some fixes later from where the velocities lead [m]."""
     moved = displacement(position[:-fixes], position[fixes:])[:, :2]
     return np.asarray(np.linalg.norm(moved - (way[fixes:] - way[:-fixes]), axis=1))

@@ -24,20 +24,20 @@ from lab.analysis.verdicts.finding import (
     NOTHING,
     Verdict,
     Weighed,
+    format_number,
     headline,
     interval_words,
     is_right,
     size_weight,
     sorted_findings,
-    too,
-    written,
-    wrong_by,
+    wrong_direction,
+    wrong_factor_interval,
 )
 from lab.analysis.verdicts.foreign_delay import of_delay
-from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement, following, measured
+from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement, lag_correlation, measure_innovations
 from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_motion import of_heading
-from lab.analysis.verdicts.foreign_track import Compared, Jump, Statement, against, jumps
+from lab.analysis.verdicts.foreign_track import Compared, Jump, Statement, compare_positions, jumps
 from lab.base.notebook_card import NotebookCard
 from lab.data.log.filter_log import Event, FilterLog, Track
 from lab.data.log.sensor_log import SensorLog
@@ -102,7 +102,7 @@ def judge_foreign(
     further
         Comparisons of its positions with others.
     """
-    found = tuple(measured(one) for one in log.lane.innovations)
+    found = tuple(measure_innovations(one) for one in log.lane.innovations)
     judged = [one for one in found if one.is_judged]
     weighed = [entry for one in judged for entry in _of_size(one, len(judged))]
     gnss, epoch = (None, 0.0) if sensors is None else (sensors.gnss, sensors.epoch)
@@ -113,7 +113,7 @@ def judge_foreign(
     weighed += [entry for one in judged for entry in _of_bias(one)]
     weighed += [entry for one in found for entry in _of_rejections(one)]
     weighed += _of_events(log)
-    remarks, compared = _careful(judged), list(further)
+    remarks, compared = _state_caution(judged), list(further)
     if gain is not None and gain.sigmas < 0 and gain.square < 1 / limits.VERDICT.wrong_factor:
         remarks.append(Statement(_Q_TOO_LARGE, gain.evidence))
     if sensors is not None:
@@ -124,12 +124,12 @@ def judge_foreign(
         compared = compared if fixes is None else [fixes, *compared]
     weighed += [entry for one in compared for entry in one.weighed]
     findings = sorted_findings(weighed)
-    remarks += [_not_judged(one) for one in found if not one.is_judged]
+    remarks += [_state_not_judged(one) for one in found if not one.is_judged]
     remarks += _other_lanes(log)
     if not judged and not findings:
         verdict = Verdict(_too_little(found), (), NOTHING)
     else:
-        verdict = Verdict(headline(findings, _sound(judged)), findings, _basis(log, judged))
+        verdict = Verdict(headline(findings, _describe_soundness(judged)), findings, _basis(log, judged))
     return ForeignVerdict(log, found, verdict, tuple(remarks), tuple(one.statement for one in compared))
 
 
@@ -137,7 +137,7 @@ def _against_fixes(track: Track, sensors: SensorLog) -> Compared | None:
     gnss = sensors.gnss
     time = gnss.time - gnss.latency + sensors.epoch
     arm = float(np.linalg.norm(gnss.lever_arm))
-    return against(
+    return compare_positions(
         track, "the fixes of the log", time, gnss.position, gnss.position_sigma, gnss.velocity_n, arm
     )
 
@@ -146,7 +146,7 @@ def _by_jumps(
     log: FilterLog, found: Sequence[Measurement], jumped: Sequence[Jump]
 ) -> tuple[list[Weighed], list[Statement]]:
     """Return the jump of the receiver that explains what happened to the fixes, or that none does."""
-    troubles = _troubles(log, found)
+    troubles = _list_troubles(log, found)
     for begin, end, what in troubles:
         for jump in jumped:
             if begin - limits.VERDICT.explained_within <= jump.time <= end:
@@ -166,7 +166,7 @@ def _by_jumps(
     return [], [Statement(said, "no jump beyond the limits among the fixes of the log")]
 
 
-def _troubles(log: FilterLog, found: Sequence[Measurement]) -> list[tuple[float, float, str]]:
+def _list_troubles(log: FilterLog, found: Sequence[Measurement]) -> list[tuple[float, float, str]]:
     """Return when fixes were rejected or too large or positions were reset, and what to call that."""
     troubles = []
     for one in found:
@@ -178,11 +178,11 @@ def _troubles(log: FilterLog, found: Sequence[Measurement]) -> list[tuple[float,
         if outside.size > 1:
             troubles.append((float(outside[0]), float(outside[-1]), "the rejections"))
     start = max(log.fusing, log.span[0]) + limits.VERDICT.settling
-    resets = [event.time for event in log.events if event.kind == "reset" and _accuses(event, start)]
+    resets = [event.time for event in log.events if event.kind == "reset" and _is_fault(event, start)]
     return troubles + [(time, time, "the reset") for time in resets]
 
 
-def _sound(judged: Sequence[Measurement]) -> str:
+def _describe_soundness(judged: Sequence[Measurement]) -> str:
     names = ", ".join(one.innovations.name for one in judged)
     return (
         f"No finding: no innovations ({names}) are larger than the filter says, none were rejected for "
@@ -204,7 +204,7 @@ def _basis(log: FilterLog, judged: Sequence[Measurement]) -> str:
 def _evidence(one: Measurement) -> str:
     low, high = one.interval
     return (
-        f"normalised mean square {written(one.mean_square, 3)} of {one.count} innovations, of which "
+        f"normalised mean square {format_number(one.mean_square, 3)} of {one.count} innovations, of which "
         f"{one.independent:.0f} independent values; a matched filter gives {low:.2f} to {high:.2f} "
         f"({one.innovations.source})"
     )
@@ -222,7 +222,7 @@ def _of_size(one: Measurement, tested: int) -> list[Weighed]:
         ratio = float(one.apart.squares.mean)
         finding = FOREIGN_FINDINGS["stretch"].finding(
             ratio,
-            f"normalised mean square {written(ratio, 3)} of {one.apart.squares.number:.0f} values, "
+            f"normalised mean square {format_number(ratio, 3)} of {one.apart.squares.number:.0f} values, "
             f"logarithm of the likelihood ratio {one.apart.gain:.0f} ({one.innovations.source})",
             direction="too small", kind=kind, begin=begin, end=end, root=ratio**0.5,
         )  # fmt: skip
@@ -231,7 +231,7 @@ def _of_size(one: Measurement, tested: int) -> list[Weighed]:
     if one.mean_square < 1 or is_right(total, one.independent, doubt):
         return []
     low, high = chi_square_interval(one.independent, 1, limits.VERDICT.confidence)
-    interval = wrong_by(one.mean_square, total / high, total / low)
+    interval = wrong_factor_interval(one.mean_square, total / high, total / low)
     follows = one.follows > limits.VERDICT.correlation_sigmas
     row = "size and memory" if follows else "size"
     if not one.values:
@@ -270,7 +270,7 @@ def _gain(judged: Sequence[Measurement]) -> _Gain | None:
     values = sum(one.values for one in known)
     lagged = np.sum([one.values * one.lagged for one in known], axis=0) / values
     # A positive correlation lasts for several lags; an alternation may show at the first lag alone.
-    over, first = following(lagged, values), float(lagged[0] * np.sqrt(values))
+    over, first = lag_correlation(lagged, values), float(lagged[0] * np.sqrt(values))
     most = over if over > limits.VERDICT.gain_sigmas else min(over, first)
     if abs(most) < limits.VERDICT.gain_sigmas:
         return None
@@ -279,7 +279,7 @@ def _gain(judged: Sequence[Measurement]) -> _Gain | None:
         most,
         square,
         f"correlation from one fix to the next {lagged[0]:.2f} ({first:.1f} σ; over {len(lagged)} lags "
-        f"{over:.1f} σ); normalised mean square {written(square, 3)} "
+        f"{over:.1f} σ); normalised mean square {format_number(square, 3)} "
         f"({', '.join(one.innovations.source for one in known)})",
     )
 
@@ -289,7 +289,7 @@ def _of_gain(found: _Gain | None) -> list[Weighed]:
     if found is None or found.square < 1 / limits.VERDICT.wrong_factor:
         return []
     row = FOREIGN_FINDINGS["follows" if found.sigmas > 0 else "alternates"]
-    finding = row.finding(float("nan"), found.evidence, direction=too(found.sigmas))
+    finding = row.finding(float("nan"), found.evidence, direction=wrong_direction(found.sigmas))
     return [Weighed(found.sigmas**2 / 2, finding)]
 
 
@@ -337,7 +337,7 @@ def _of_events(log: FilterLog) -> list[Weighed]:
     found = []
     start = max(log.fusing, log.span[0]) + limits.VERDICT.settling
     for kind in ("lane", "reset", "fault", "timeout"):
-        own = [event for event in log.events if event.kind == kind and _accuses(event, start)]
+        own = [event for event in log.events if event.kind == kind and _is_fault(event, start)]
         if own:
             more = f" {len(own) - 1} more of this kind follow." if len(own) > 1 else ""
             first = own[0]
@@ -346,24 +346,24 @@ def _of_events(log: FilterLog) -> list[Weighed]:
     return found
 
 
-def _accuses(event: Event, start: float) -> bool:
+def _is_fault(event: Event, start: float) -> bool:
     """Return whether an event is a fault: start, yaw and height are aligned in flight without any."""
     if event.kind == "reset":
         return event.time > start and ("position" in event.text or "velocity" in event.text)
     return event.kind != "timeout" or event.time > start
 
 
-def _careful(judged: Sequence[Measurement]) -> list[Statement]:
+def _state_caution(judged: Sequence[Measurement]) -> list[Statement]:
     """Return what is said of innovations that are smaller than the filter says."""
     small = [one for one in judged if _is_small(one)]
     if not small:
         return []
     sizes = ", ".join(f"{one.innovations.name} {_size_words(one)}" for one in small)
-    found = [Statement(_CAREFUL.format(sizes=sizes), "; ".join(map(_short, small)))]
+    found = [Statement(_CAREFUL.format(sizes=sizes), "; ".join(map(_short_name, small)))]
     slow = [one for one in small if one.follows > limits.VERDICT.correlation_sigmas and one.mean_square > 0]
     if slow:
         factors = ", ".join(
-            f"{one.innovations.name} about {written(1 / one.mean_square)} times" for one in slow
+            f"{one.innovations.name} about {format_number(1 / one.mean_square)} times" for one in slow
         )
         evidence = "; ".join(
             f"{one.innovations.name}: {_memory_words(one).removeprefix('; ')}" for one in slow
@@ -372,10 +372,11 @@ def _careful(judged: Sequence[Measurement]) -> list[Statement]:
     return found
 
 
-def _short(one: Measurement) -> str:
+def _short_name(one: Measurement) -> str:
     low, high = one.interval
     return (
-        f"{one.innovations.name}: normalised mean square {written(one.mean_square, 3)}, matched {low:.2f} to "
+        f"{one.innovations.name}: normalised mean square {format_number(one.mean_square, 3)}, matched "
+        f"{low:.2f} to "
         f"{high:.2f} ({one.innovations.source})"
     )
 
@@ -387,10 +388,12 @@ def _is_small(one: Measurement) -> bool:
 
 def _size_words(one: Measurement) -> str:
     """Return the size of innovations in their σ; those below the steps of a log are zero."""
-    return written(one.mean_square**0.5) if one.mean_square > 0 else "too small for the steps of the log"
+    return (
+        format_number(one.mean_square**0.5) if one.mean_square > 0 else "too small for the steps of the log"
+    )
 
 
-def _not_judged(one: Measurement) -> Statement:
+def _state_not_judged(one: Measurement) -> Statement:
     ratio = "" if np.isnan(one.worst) else f"; its test ratio is {one.worst:.2g} at most"
     why = f"{one.count} are too few" if one.count < FEWEST else "the log does not give their variances"
     return Statement(
@@ -405,7 +408,7 @@ def _other_lanes(log: FilterLog) -> list[Statement]:
     for lane in log.lanes:
         if lane is log.lane:
             continue
-        large = [entry.finding for one in map(measured, lane.innovations) if one.is_judged
+        large = [entry.finding for one in map(measure_innovations, lane.innovations) if one.is_judged
                  for entry in _of_size(one, len(lane.innovations))]  # fmt: skip
         found += [
             Statement(f"{lane.name.capitalize()}, not used: {one.sentence}", one.evidence) for one in large

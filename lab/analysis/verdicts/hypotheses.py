@@ -101,7 +101,7 @@ _HALF_DECADES = tuple(10.0 ** (half / 2) for half in range(-4, 9) if half)
 """Tried factors on R and Q: over half a decade, their likelihood is smooth."""
 
 
-def _all() -> tuple[Hypothesis, ...]:
+def _list_hypotheses() -> tuple[Hypothesis, ...]:
     """Return the hypotheses: of each quantity some factors, between which `likely_factor` interpolates."""
     found = [Hypothesis("none", 1.0)]
     for name, channels in R_CHANNELS.items():
@@ -134,7 +134,7 @@ def _factors(count: int, which: Sequence[int], factor: float) -> tuple[float, ..
     return tuple(factor if at in which else 1.0 for at in range(count))
 
 
-HYPOTHESES = _all()
+HYPOTHESES = _list_hypotheses()
 """The hypotheses; under the first, nothing is wrong."""
 
 
@@ -239,7 +239,7 @@ class _Bank:
         variance = position * np.array([one.correlated[0] for one in tried])
         self._time = np.array([one.correlated[1] for one in tried])
         N = n + 3 if variance.any() else n
-        P = _starts(P0, N, tried)
+        P = _start_covariances(P0, N, tried)
         slow = np.arange(n, N)
         P[:, slow, slow] = variance[:, None]
         self._place = Place.of(N)
@@ -251,10 +251,10 @@ class _Bank:
             (self._place.RATIO, np.sqrt(np.array([one.r for one in tried]))),
             (self._place.VARIANCE, variance[:, None]),
         ):
-            self._put(self._numbers, first, values)
+            self._write_values(self._numbers, first, values)
 
     @staticmethod
-    def _put(numbers: FloatArray, first: int, values: FloatArray) -> None:
+    def _write_values(numbers: FloatArray, first: int, values: FloatArray) -> None:
         """Write values (h, k) of the hypotheses into numbers (groups, k, LANES)."""
         wide = values.shape[1]
         numbers[:, first : first + wide] = values.reshape(-1, LANES, wide).transpose(0, 2, 1)
@@ -277,19 +277,19 @@ class _Bank:
             offered,
             Terms.of(offered.transition, np.arange(offered.transition.shape[1])),
             Terms.of(offered.H, np.zeros(offered.H.shape[1], dtype=np.intp)),
-            _driven(offered.noise),
+            _find_driven_parts(offered.noise),
             limit,
             found,
         )
 
 
-def _driven(noise: FloatArray) -> NDArray[np.bool_]:
+def _find_driven_parts(noise: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of `hypothesis_bank.follow` of parts of the noise (m, PARTS, n, n)."""
     parts, n = noise.shape[1:3]
     return np.asarray(noise.any(axis=0).reshape(parts, n // TOGETHER, TOGETHER, n).any(axis=2))
 
 
-def _starts(P0: FloatArray, N: int, tried: Sequence[Hypothesis]) -> FloatArray:
+def _start_covariances(P0: FloatArray, N: int, tried: Sequence[Hypothesis]) -> FloatArray:
     """Return P0 under each hypothesis (h, N, N)."""
     n = P0.shape[0]
     P = np.zeros((len(tried), N, N))

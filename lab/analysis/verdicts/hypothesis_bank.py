@@ -87,7 +87,7 @@ class Terms(NamedTuple):
 
 
 @inline_kernel
-def _moved(w: Any, first: int, apart: int, transition: FloatArray, i: int, terms: Terms) -> Any:
+def _propagate_element(w: Any, first: int, apart: int, transition: FloatArray, i: int, terms: Terms) -> Any:
     """Return element i of the product of the transition and the numbers from `first` on, each `apart`."""
     total = transition[i, i] * w[first + i * apart]
     for t in range(terms.number[i]):
@@ -111,7 +111,7 @@ def _move(w: Any, place: Place, transition: FloatArray, decay: Any, terms: Terms
                 a, b, c = a + factor * w[at], b + factor * w[at + 1], c + factor * w[at + 2]
             at = place.PRODUCT + i * N + j
             w[at], w[at + 1], w[at + 2] = a, b, c
-        w[place.MOVED + i] = _moved(w, place.APART, 1, transition, i, terms)
+        w[place.MOVED + i] = _propagate_element(w, place.APART, 1, transition, i, terms)
     for i in range(n):
         w[place.APART + i] = w[place.MOVED + i]
     for i in range(n, N):
@@ -159,7 +159,7 @@ def _propagate(
 
 
 @inline_kernel
-def _shown(w: Any, first: int, apart: int, H: FloatArray, c: int, N: int, seen: Terms) -> Any:
+def _observe_component(w: Any, first: int, apart: int, H: FloatArray, c: int, N: int, seen: Terms) -> Any:
     """Return component c of the product of H and the numbers from `first` on, each `apart`."""
     n = H.shape[1]
     total = w[first] * H[c, 0]
@@ -185,12 +185,14 @@ def _predict(
     N = place.N
     for i in range(N):
         for c in range(CHANNELS):
-            w[place.SEEN + i * CHANNELS + c] = _shown(w, i * N, 1, H, c, N, seen)
+            w[place.SEEN + i * CHANNELS + c] = _observe_component(w, i * N, 1, H, c, N, seen)
     for c in range(CHANNELS):
         for d in range(c + 1):
             noise = w[place.RATIO + c] * w[place.RATIO + d] * R[c, d]
-            w[place.S + c * CHANNELS + d] = noise + _shown(w, place.SEEN + d, CHANNELS, H, c, N, seen)
-        w[place.INNOVATION + c] = innovation[c] - _shown(w, place.APART, 1, H, c, N, seen)
+            w[place.S + c * CHANNELS + d] = noise + _observe_component(
+                w, place.SEEN + d, CHANNELS, H, c, N, seen
+            )
+        w[place.INNOVATION + c] = innovation[c] - _observe_component(w, place.APART, 1, H, c, N, seen)
     for i in range(correction.size):
         w[place.APART + i] = w[place.APART + i] - correction[i]
 

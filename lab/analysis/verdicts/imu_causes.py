@@ -146,7 +146,7 @@ def _steps(
 ) -> Steps:
     """Return the propagation over the intervals (m,) between samples `edges` (m + 1,)."""
     count = duration.size
-    rotated, plain = _gathered(solution, imu, edges, forced=forced)
+    rotated, plain = _sum_signals(solution, imu, edges, forced=forced)
     rotated[duration <= 0], plain[duration <= 0] = 0.0, 0.0
     mean_C, safe = rotated[..., STEP], np.maximum(duration, 1e-9)[:, None]
     force_n = np.trace(rotated[..., DVELOCITY], axis1=2, axis2=3) / safe
@@ -298,7 +298,7 @@ def _regressors() -> tuple[NDArray[np.bool_], NDArray[np.intp], NDArray[np.intp]
 _REGRESSORS = _regressors()
 
 
-def _gathered(
+def _sum_signals(
     solution: Solution, imu: Imu, edges: NDArray[np.intp], *, forced: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return sums of signals between samples `edges` (m + 1,): of C_nb s, (m, 3, 3, s), and of s, (m, s).

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency
-from lab.analysis.fix_causes import CAUSES, MotionAtFixes, causes_of, gains, matrices, respond, response
+from lab.analysis.fix_causes import CAUSES, MotionAtFixes, error_per_cause, gains, matrices, respond, response
 from lab.analysis.verdicts import hypotheses, limits
 from lab.analysis.verdicts.finding import is_right
 from lab.analysis.verdicts.imu_causes import Steps, columns, steps, steps_in_parts
 from lab.analysis.verdicts.outliers import NEIGHBOURS, largest_square, outliers, stands_out
-from lab.analysis.verdicts.pattern import BINS, binned
+from lab.analysis.verdicts.pattern import BINS, bin_squares
 from lab.analysis.verdicts.run_means import ALL, NIS, Figure, RunMeans, Series, run_means
-from lab.analysis.verdicts.selection import gain_of
+from lab.analysis.verdicts.selection import likelihood_gain
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, Sum, normal_equations
 from lab.base.arrays import Flags, FloatArray
 from lab.navigation.filters import blocks
@@ -142,10 +142,10 @@ def innovations(
         lagged=lagged,
         offered=Squares(np.nansum(values**2, axis=0), np.isfinite(values).sum(axis=0).astype(np.float64)),
         follows=sizes(np.nan_to_num(values))[2],
-        in_time=binned(values, fixes.time[seen], span),
+        in_time=bin_squares(values, fixes.time[seen], span),
         span=Kept(np.array([span])),
         nis=Squares(np.array(nis.sum()), np.array(float(known[~apart].sum()))),
-        causes=_nothing(),
+        causes=_empty_fit(),
         likelihoods=np.zeros(len(hypotheses.HYPOTHESES)),
         outliers=int(np.sum(apart & used)),
         refused=int(np.sum(apart & ~used)),
@@ -154,7 +154,7 @@ def innovations(
     if aided or not seen.size:
         return found
     try:
-        return _explained(found, record, motion, apart, explain)
+        return _explain_innovations(found, record, motion, apart, explain)
     except np.linalg.LinAlgError:  # causes that cannot be compared are withheld
         return found
 
@@ -171,10 +171,10 @@ def _without_outliers(
     searched one after the other.
     """
     limit = _limit(relative)
-    if not apart.any() and not _beyond(relative, limit):
+    if not apart.any() and not _exceeds(relative, limit):
         return record, apart
     refused = record.tried(np.zeros_like(apart), hypotheses.HYPOTHESES[:1], limit=limit).skipped
-    if 0 < refused.mean() <= limits.VERDICT.outlying_fixes and not _clustered(
+    if 0 < refused.mean() <= limits.VERDICT.outlying_fixes and not _are_clustered(
         record.imu.time[record.samples], refused
     ):
         without = record.without(refused, known)
@@ -193,7 +193,7 @@ def _without_outliers(
 def may_have_outliers(nu: FloatArray, S: FloatArray) -> Flags:
     """Return whether each run may have outliers, given innovations (runs, m, 6) and S (runs, m, 6, 6)."""
     relative = normalised(np.nan_to_num(nu), S)
-    beyond = [_beyond(own, _limit(own)) for own in relative]
+    beyond = [_exceeds(own, _limit(own)) for own in relative]
     return stands_out(relative, settled=NEIGHBOURS // 2) | beyond
 
 
@@ -205,12 +205,12 @@ def _limit(relative: FloatArray) -> float:
     return largest_square() * max(usual, 1.0)
 
 
-def _beyond(relative: FloatArray, limit: float) -> bool:
+def _exceeds(relative: FloatArray, limit: float) -> bool:
     """Return whether a position or a velocity innovation exceeds the limit."""
     return bool((np.sum(relative.reshape(-1, 2, 3) ** 2, axis=2) > limit).any())
 
 
-def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
+def _are_clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
     """Return whether some fixes are closer together than chance puts them one time in 1,000."""
     n, length = int(which.sum()), max(float(np.ptp(times)), 1e-9)
     part = float(np.ptp(times[which])) / length
@@ -294,7 +294,7 @@ def none_given(squares: Squares, sums: FloatArray, lagged: FloatArray, means: Ru
         empty,
         span,
         nothing,
-        _nothing(),
+        _empty_fit(),
         likelihoods,
         outliers=0,
         refused=0,
@@ -331,20 +331,20 @@ def nis_means(
     return run_means([series(group, own) for group, own in kinds], span)
 
 
-def _nothing() -> Fit:
+def _empty_fit() -> Fit:
     return Fit(np.zeros((REGRESSORS, REGRESSORS)), np.zeros(REGRESSORS), np.zeros(()))
 
 
-def _explained(
+def _explain_innovations(
     found: Innovations, record: Record, motion: MotionAtFixes, apart: NDArray[np.bool_], explain: bool
 ) -> Innovations:
     """Return the same with the fit of causes and, for suspicious innovations, of hypotheses."""
     solution, belief, imu, names, seen, samples, nu, S, _ = record
-    causes = causes_of(motion)
+    causes = error_per_cause(motion)
     kept = ~apart
     answer = response(record.gains, solution, belief, seen, samples, imu.time, motion, causes, names)
     fit = _fit(answer[kept], nu[kept], S[kept])
-    whole = _nothing()
+    whole = _empty_fit()
     whole.matrix[:CAUSES, :CAUSES], whole.vector[:CAUSES] = fit.matrix, fit.vector
     part = replace(found, causes=whole._replace(squares=fit.squares))
     if not explain or not needs_explanation(part):
@@ -390,10 +390,10 @@ def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
 def needs_explanation(found: Innovations) -> bool:
     """Return whether innovations are suspicious, or latency and lever arm may explain a part of them."""
     fit = Fit(found.causes.matrix[None], found.causes.vector[None], found.causes.squares)
-    return suspicious(found) or gain_of(fit, range(CAUSES)) >= limits.VERDICT.suspicious_ratio
+    return is_suspicious(found) or likelihood_gain(fit, range(CAUSES)) >= limits.VERDICT.suspicious_ratio
 
 
-def suspicious(found: Innovations) -> bool:
+def is_suspicious(found: Innovations) -> bool:
     """Return whether innovations are too large, too small or correlated, beyond chance."""
     for squares in (found.offered, found.nis):
         for total, count in zip(np.atleast_1d(squares.total), np.atleast_1d(squares.number), strict=True):

@@ -19,14 +19,14 @@ from lab.analysis.verdicts.finding import (
     Advice,
     Finding,
     Weighed,
+    format_number,
     interval_words,
     is_right,
     judge_size,
     mean_square,
-    rounded,
-    too,
-    written,
-    wrong_by,
+    round_digits,
+    wrong_direction,
+    wrong_factor_interval,
 )
 from lab.analysis.verdicts.finding_table import (
     CORRELATION,
@@ -38,10 +38,10 @@ from lab.analysis.verdicts.finding_table import (
 from lab.analysis.verdicts.fix_verdict import judge_outliers, latency, lever_arm, lever_arm_or_latency
 from lab.analysis.verdicts.hypotheses import HYPOTHESES, R_CHANNELS
 from lab.analysis.verdicts.imu_causes import columns
-from lab.analysis.verdicts.innovation_evidence import LAGS, Innovations, suspicious
+from lab.analysis.verdicts.innovation_evidence import LAGS, Innovations, is_suspicious
 from lab.analysis.verdicts.likely_factor import likely_factor
 from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
-from lab.analysis.verdicts.selection import estimates, gain_of
+from lab.analysis.verdicts.selection import estimates, likelihood_gain
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 
@@ -95,10 +95,10 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
     if found and found[0].gain > limits.VERDICT.likelihood_ratio and found[0].matters:
         assumed = evidence.assumed.values.mean(axis=0)
         whose = GPS if found[0].source == GPS and _rival(found) is None else EITHER
-        return _local(seen, found[0].gain, whose) or [_stated(found, seen, assumed)]
+        return _local(seen, found[0].gain, whose) or [_state_explanation(found, seen, assumed)]
     # Without a comparison of explanations, as with further states, nothing speaks for the fixes.
     whose = GPS if seen.likelihoods.any() else EITHER
-    return (_local(seen, 0.0, whose) or _sizes(seen)) if suspicious(seen) else []
+    return (_local(seen, 0.0, whose) or _sizes(seen)) if is_suspicious(seen) else []
 
 
 def explanations(seen: Innovations) -> list[Explanation]:
@@ -125,15 +125,15 @@ def explanations(seen: Innovations) -> list[Explanation]:
             continue
         parts = estimates(records, own)[0]
         source = GPS if name.startswith("GPS") else IMU
-        if not _matters(name, parts):
+        if not _cause_matters(name, parts):
             continue
         price = limits.VERDICT.price * len(own)
         size = float(np.linalg.norm(parts))
-        found.append(Explanation(name, source, gain_of(records, own) - price, size, parts))
-    return _preferred(sorted(found, key=lambda one: -one.gain))
+        found.append(Explanation(name, source, likelihood_gain(records, own) - price, size, parts))
+    return _order_explanations(sorted(found, key=lambda one: -one.gain))
 
 
-def _preferred(found: list[Explanation]) -> list[Explanation]:
+def _order_explanations(found: list[Explanation]) -> list[Explanation]:
     """Return explanations with a plain R too large before correlated fixes that explain hardly more.
 
     An R too large by more than `LARGE` is not plain: few fixes whose errors are correlated look like it.
@@ -147,7 +147,7 @@ def _preferred(found: list[Explanation]) -> list[Explanation]:
     return [plain[0], *(one for one in found if one is not plain[0])]
 
 
-def _matters(name: str, parts: FloatArray) -> bool:
+def _cause_matters(name: str, parts: FloatArray) -> bool:
     least = {"GPS latency": limits.VERDICT.latency, "GPS lever arm": limits.VERDICT.lever_arm}.get(name, 0.0)
     most = limits.VERDICT.first_order if name.endswith(("misalignment", "scale factor")) else np.inf
     return bool(least < np.linalg.norm(parts) < most)
@@ -194,7 +194,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
     return []
 
 
-def _stated(found: list[Explanation], seen: Innovations, assumed: FloatArray) -> Weighed:
+def _state_explanation(found: list[Explanation], seen: Innovations, assumed: FloatArray) -> Weighed:
     """Return the finding of the best explanation, or of GPS or IMU if both explain nearly as much."""
     best = found[0]
     rival = _rival(found)
@@ -213,7 +213,7 @@ def _stated(found: list[Explanation], seen: Innovations, assumed: FloatArray) ->
             **_gain_fields(best),
         )
         return Weighed(best.gain, finding)
-    return Weighed(best.gain, finding_of(found, seen, statistic, assumed))
+    return Weighed(best.gain, make_finding(found, seen, statistic, assumed))
 
 
 def _rival(found: list[Explanation]) -> Explanation | None:
@@ -232,17 +232,17 @@ def _describe(one: Explanation) -> str:
     """Return an explanation as text."""
     if one.name in EXPLANATIONS:
         sizes = (one.size, 100 * one.size, float(np.degrees(one.size)))
-        size, percent, degrees = map(written, sizes)
+        size, percent, degrees = map(format_number, sizes)
         return EXPLANATIONS[one.name].format(size=size, percent=percent, degrees=degrees)
-    factor = written(max(one.size, 1 / one.size))
-    return VARIANCE.format(variance=one.name, factor=factor, direction=too(one.size))
+    factor = format_number(max(one.size, 1 / one.size))
+    return VARIANCE.format(variance=one.name, factor=factor, direction=wrong_direction(one.size))
 
 
 _PLACE_AND_TIME = ("GPS lever arm", "GPS latency")
 """Explanations that a flight tells apart by its turns and by changes of its speed."""
 
 
-def finding_of(found: list[Explanation], seen: Innovations, statistic: str, assumed: FloatArray) -> Finding:
+def make_finding(found: list[Explanation], seen: Innovations, statistic: str, assumed: FloatArray) -> Finding:
     """Return the finding of the first of some explanations.
 
     `statistic` is its evidence, `assumed` are the latency and the lever arm (4,) that the filter assumed.
@@ -260,14 +260,14 @@ def finding_of(found: list[Explanation], seen: Innovations, statistic: str, assu
         return _of_motion(found, statistic)
     if best.name.startswith("R"):
         return _size_of_r(best, seen)
-    interval = wrong_by(best.size, *best.interval)
+    interval = wrong_factor_interval(best.size, *best.interval)
     wording = FINDINGS["low gain" if best.size > 1 else "high gain"].with_advice(*_gain_advice(best))
     return wording.finding(
         max(best.size, 1 / best.size),
         f"{statistic}{interval_words(interval)}",
         interval,
         _ROWS.get(best.name),
-        direction=too(best.size),
+        direction=wrong_direction(best.size),
         explanation=_describe(best),
         **_gain_fields(best),
     )
@@ -305,7 +305,7 @@ def _lasting_fixes(seen: Innovations) -> int:
     lagged = seen.follows[:, :3].sum(axis=1)
     decay = lagged[-1] / lagged[0] if lagged[0] > 0 else 0.0
     per_fix = np.clip(decay, *DECAY) ** (1 / (LAGS - 1))
-    return max(2, int(rounded(np.ceil(-2 / np.log(per_fix)))))
+    return max(2, int(round_digits(np.ceil(-2 / np.log(per_fix)))))
 
 
 def _of_motion(found: list[Explanation], statistic: str) -> Finding:
@@ -323,7 +323,7 @@ def _of_motion(found: list[Explanation], statistic: str) -> Finding:
         sensor=best.name.split()[0],
         explanation=_describe(best),
         rival="" if rival is None else _describe(rival),
-        percent=rounded(100 * best.size / float(np.sqrt(best.parts.size))),
+        percent=round_digits(100 * best.size / float(np.sqrt(best.parts.size))),
     )
 
 
@@ -354,7 +354,7 @@ def _gain_fields(best: Explanation) -> dict[str, Any]:
 def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
     """Return the finding that R is wrong, from the size of its innovations."""
     ratio, factor = best.size, max(best.size, 1 / best.size)
-    channels, interval = list(R_CHANNELS[best.name]), wrong_by(ratio, *best.interval)
+    channels, interval = list(R_CHANNELS[best.name]), wrong_factor_interval(ratio, *best.interval)
     if best.name == "R":
         # One of both alone would leave the fixes of the other with the wrong weight.
         row, kind, what, squares = "R", "", "innovations", seen.nis
@@ -371,7 +371,7 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
         size=float(squares.mean) ** 0.5,
         factor=factor,
         multiply=ratio,
-        direction=too(ratio),
+        direction=wrong_direction(ratio),
     )
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.analysis.consistency import whitened
-from lab.analysis.fix_causes import CAUSES, MotionAtFixes, causes_of, gains, respond, transitions
+from lab.analysis.fix_causes import CAUSES, MotionAtFixes, error_per_cause, gains, respond, transitions
 from lab.analysis.verdicts.aid_verdict import aid_squares
 from lab.analysis.verdicts.evidence import (
     Evidence,
@@ -31,7 +31,7 @@ from lab.analysis.verdicts.innovation_evidence import (
     normalised,
     sizes,
 )
-from lab.analysis.verdicts.pattern import binned
+from lab.analysis.verdicts.pattern import bin_squares
 from lab.analysis.verdicts.run_means import RunMeans, run_means
 from lab.analysis.verdicts.sensor_evidence import SensorErrors
 from lab.analysis.verdicts.sums import Fit, Kept, Squares, normal_equations
@@ -122,7 +122,7 @@ def evidence_abreast(runs: Abreast, truth: Truth) -> list[Evidence | None]:
     """
     solution, times = runs.solutions[0], runs.fixes[0].time
     P = np.stack([one.fix_covariance for one in runs.solutions])
-    causes = causes_of(runs.motion)
+    causes = error_per_cause(runs.motion)
     innovations = _innovations(runs, causes, (float(truth.time[0]), float(truth.time[-1])))
     if innovations is None or not (np.isfinite(runs.nees).all() and np.isfinite(runs.between).all()):
         return [None] * len(P)
@@ -140,7 +140,7 @@ def evidence_abreast(runs: Abreast, truth: Truth) -> list[Evidence | None]:
         fix_errors_abreast(runs.belief, times, positions, velocities, causes, truth),
         runs.sensors,
         start_squares(runs.belief, runs.start, scaled=solution.scale.shape[1] > 0),
-        _each(states),
+        _split_runs(states),
         linearity_abreast(runs.belief, P, runs.motion.force_n, runs.motion.C_nb),
         strict=True,
     )
@@ -164,7 +164,7 @@ def evidence_abreast(runs: Abreast, truth: Truth) -> list[Evidence | None]:
     ]
 
 
-def _each(means: RunMeans) -> list[RunMeans]:
+def _split_runs(means: RunMeans) -> list[RunMeans]:
     """Return the means of each run."""
     return [
         RunMeans(
@@ -183,9 +183,9 @@ def _innovations(runs: Abreast, causes: FloatArray, span: tuple[float, float]) -
     )
     relative = normalised(nu, S)
     squares, sums, lagged = sizes(relative)
-    in_time = binned(relative, times, span)
+    in_time = bin_squares(relative, times, span)
     known = np.ones(nu.shape[1:], dtype=np.bool_)
-    means = _each(nis_means(times, nu, S, known, span))
+    means = _split_runs(nis_means(times, nu, S, known, span))
     answer = _answers(runs, causes)
     both = np.concatenate((answer, nu[..., None]), axis=-1).reshape(-1, MEASUREMENTS, CAUSES + 1)
     white = whitened(both, S.reshape(-1, MEASUREMENTS, MEASUREMENTS))

@@ -18,7 +18,7 @@ from lab.analysis.verdicts.evidence import Evidence, Linearity
 from lab.analysis.verdicts.finding import Finding, Verdict, Wording, headline
 from lab.analysis.verdicts.finding_table import AID_NOISE, FINDINGS, LINEAR_MODEL, UNEXPLAINED
 from lab.analysis.verdicts.run_means import NEES, Figure, RunMeans
-from lab.analysis.verdicts.trial import figures_of, improved
+from lab.analysis.verdicts.trial import figures_of_evidence, has_improved
 from lab.navigation.filters.error_models import ACCEL_BIAS
 from lab.navigation.settings import NavigatorSettings
 
@@ -77,12 +77,14 @@ def judge(
         return verdict
     start = float(np.median(found.start.values))
     if is_wide(start, navigator) and not any(_is_start_too_wide(one) for one in verdict.findings):
-        return _with(_from_wide_start(verdict, evidence, _of_start(start, navigator), held), verdict)
+        return _add_findings(_from_wide_start(verdict, evidence, _of_start(start, navigator), held), verdict)
     unexplained = all(one.quantity in UNEXPLAINED for one in verdict.findings)
     if not verdict.findings or not unexplained or navigator.model == "nonlinear":
         return verdict
-    cause = _in_flight(found, evidence, navigator, verdict) or _cured(repeated, evidence, navigator, verdict)
-    return verdict if cause is None else _with((cause,), verdict)
+    cause = _in_flight(found, evidence, navigator, verdict) or _advise_other_model(
+        repeated, evidence, navigator, verdict
+    )
+    return verdict if cause is None else _add_findings((cause,), verdict)
 
 
 def _in_flight(
@@ -94,14 +96,16 @@ def _in_flight(
         return _of_flight(largest, navigator, verdict)
     if (
         neglected
-        > max(limits.VERDICT.neglected_square, limits.VERDICT.neglected_part * _excess(evidence.means))
+        > max(
+            limits.VERDICT.neglected_square, limits.VERDICT.neglected_part * _bias_nees_excess(evidence.means)
+        )
         and verdict.findings[0].direction == "too large"
     ):
         return _of_products(neglected, navigator, verdict)
     return None
 
 
-def _cured(
+def _advise_other_model(
     repeated: Callable[[str], tuple[float, float] | None],
     evidence: Evidence,
     navigator: NavigatorSettings,
@@ -129,7 +133,11 @@ def _from_wide_start(
     can_be_held = verdict.findings and of_start.factor <= limits.VERDICT.held_attitude
     there = held() if can_be_held else None
     others = () if there is None else _causes(there[0])
-    if there is None or not others or improved(figures_of(evidence), figures_of(there[1])):
+    if (
+        there is None
+        or not others
+        or has_improved(figures_of_evidence(evidence), figures_of_evidence(there[1]))
+    ):
         return (*others, of_start)
     return others
 
@@ -144,11 +152,11 @@ def _is_start_too_wide(finding: Finding) -> bool:
     return finding.quantity in ("P0", "P0 attitude") and finding.direction == "too large"
 
 
-def _with(findings: tuple[Finding, ...], verdict: Verdict) -> Verdict:
+def _add_findings(findings: tuple[Finding, ...], verdict: Verdict) -> Verdict:
     return Verdict(headline(findings, ""), findings, verdict.basis)
 
 
-def _excess(means: RunMeans) -> float:
+def _bias_nees_excess(means: RunMeans) -> float:
     """Return by how much NEES of the accelerometer biases exceeds their number; zero if it is unknown."""
     figure = Figure(NEES, "accelerometer bias")
     if figure not in means.figures:
@@ -177,7 +185,7 @@ def remark(start: float, navigator: NavigatorSettings) -> str:
     )
 
 
-def _worded(row: str, navigator: NavigatorSettings) -> Wording:
+def _word_for_model(row: str, navigator: NavigatorSettings) -> Wording:
     """Return a row of the table of findings, with the model that holds where that of the filter does not."""
     wording = FINDINGS[row]
     return wording if navigator.model in PERTURBED else wording.with_advice(ADVICE["nonlinear model"])
@@ -185,7 +193,7 @@ def _worded(row: str, navigator: NavigatorSettings) -> Wording:
 
 def _of_start(start: float, navigator: NavigatorSettings) -> Finding:
     degrees, limit = np.degrees((start, limits.VERDICT.wide_attitude))
-    return _worded("linear model at the start", navigator).finding(
+    return _word_for_model("linear model at the start", navigator).finding(
         start,
         f"σ of the attitude at the start {degrees:.3g}°, limit {limit:.0f}°",
         degrees=degrees,
@@ -195,7 +203,7 @@ def _of_start(start: float, navigator: NavigatorSettings) -> Finding:
 
 def _of_flight(largest: float, navigator: NavigatorSettings, verdict: Verdict) -> Finding:
     degrees, limit = np.degrees((largest, limits.VERDICT.wide_attitude))
-    return _worded("linear model in flight", navigator).finding(
+    return _word_for_model("linear model in flight", navigator).finding(
         largest,
         f"σ of the attitude {degrees:.3g}°, limit {limit:.0f}°; {verdict.findings[0].evidence}",
         degrees=degrees,
@@ -205,7 +213,7 @@ def _of_flight(largest: float, navigator: NavigatorSettings, verdict: Verdict) -
 
 def _of_products(neglected: float, navigator: NavigatorSettings, verdict: Verdict) -> Finding:
     size = float(np.sqrt(neglected))
-    return _worded("neglected products", navigator).finding(
+    return _word_for_model("neglected products", navigator).finding(
         size,
         f"mean square of the neglected acceleration in σ of the accelerometer biases {neglected:.2g}, limit "
         f"{limits.VERDICT.neglected_square:g}; {verdict.findings[0].evidence}",

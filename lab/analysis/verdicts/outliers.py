@@ -40,7 +40,7 @@ def outliers(errors: FloatArray, settled: int = 0) -> Flags:
     while True:
         # Repeated among the remaining ones, because many outliers hide each other at first.
         left = np.flatnonzero(~found)
-        new = left[_apart(errors[left]) & (left >= settled)]
+        new = left[_find_apart(errors[left]) & (left >= settled)]
         if not new.size:
             return found
         found[new] = True
@@ -48,26 +48,26 @@ def outliers(errors: FloatArray, settled: int = 0) -> Flags:
 
 def stands_out(errors: FloatArray, settled: int = 0) -> Flags:
     """Return whether `outliers` finds any in the errors of each run, (runs, m, 6)."""
-    return np.asarray(_apart(errors)[..., settled:].any(axis=-1))
+    return np.asarray(_find_apart(errors)[..., settled:].any(axis=-1))
 
 
-def _apart(errors: FloatArray) -> Flags:
+def _find_apart(errors: FloatArray) -> Flags:
     """Return which errors (…, m) stand out from those around them."""
     count = errors.shape[-2]
     none = np.zeros(errors.shape[:-1], dtype=np.bool_)
     if count <= NEIGHBOURS:
         return none
     half = NEIGHBOURS // 2
-    apart = errors - _middle(errors, 0, NEIGHBOURS)
+    apart = errors - _neighbour_medians(errors, 0, NEIGHBOURS)
     squares = np.sum(apart.reshape(*errors.shape[:-1], 2, 3) ** 2, axis=-1)
     if not (squares > largest_square()).any():
         return none
-    usual = np.maximum(_middle(squares, 0, half), _middle(squares, half, half))
+    usual = np.maximum(_neighbour_medians(squares, 0, half), _neighbour_medians(squares, half, half))
     usual = np.maximum(usual, np.median(squares, axis=-2, keepdims=True))
     return np.asarray((squares > largest_square() * np.maximum(usual / MEDIAN, 1.0)).any(axis=-1))
 
 
-def _middle(values: FloatArray, first: int, count: int) -> FloatArray:
+def _neighbour_medians(values: FloatArray, first: int, count: int) -> FloatArray:
     """Return the medians (…, m, c) of some of the neighbours of each of m values (…, m, c)."""
     m = values.shape[-2]
     columns = np.moveaxis(values, -2, 0)

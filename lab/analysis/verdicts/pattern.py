@@ -43,7 +43,7 @@ class Stretch(NamedTuple):
     gain: float
 
 
-def binned(values: FloatArray, times: FloatArray, span: tuple[float, float]) -> Squares:
+def bin_squares(values: FloatArray, times: FloatArray, span: tuple[float, float]) -> Squares:
     """Return the squares (2, 2, BINS) of position and velocity in each part of a flight.
 
     The second set limits the square of each fix to `CAPPED`, since a single fix does not make a stretch.
@@ -83,7 +83,7 @@ def stretch(squares: Squares, kind: int, *, alone: bool = False) -> Stretch | No
     Parameters
     ----------
     squares
-        As from `binned`.
+        As from `bin_squares`.
     kind
         0 for position, 1 for velocity.
     alone

@@ -36,7 +36,7 @@ class Filtered(NamedTuple):
     gains: FloatArray | None = None
 
 
-def evidence_of(run: Run, filtered: Filtered, *, explain: bool = True) -> Evidence:
+def collect_evidence(run: Run, filtered: Filtered, *, explain: bool = True) -> Evidence:
     """Return the evidence of a run for each assumption of its filter; for a log, from its innovations.
 
     Parameters
@@ -49,7 +49,7 @@ def evidence_of(run: Run, filtered: Filtered, *, explain: bool = True) -> Eviden
     explain
         Whether to explain suspicious innovations, which takes several times as long as the run.
     """
-    reference = None if run.missing_reason("consistency") else reference_of(run)
+    reference = None if run.missing_reason("consistency") else make_reference(run)
     if run.algorithm:
         span = float(run.time[0]), float(run.time[-1])
         return algorithm_evidence(run.solution_arrays, run.fixes.time, span, reference)
@@ -73,7 +73,7 @@ def evidence_of(run: Run, filtered: Filtered, *, explain: bool = True) -> Eviden
     )
 
 
-def reference_of(run: Run) -> Reference:
+def make_reference(run: Run) -> Reference:
     """Return the truth of a simulated run."""
     truth, ideal = run.known_truth("evidence"), run.ideal
     assert ideal is not None

@@ -37,7 +37,7 @@ class Explained(NamedTuple):
     sigma: FloatArray
 
 
-def gain_of(fit: Fit, columns: Sequence[int]) -> float:
+def likelihood_gain(fit: Fit, columns: Sequence[int]) -> float:
     """Return the gain in log-likelihood of white values with several regressors together."""
     return (
         float(0.5 * np.sum(_part(fit, columns)[0] * fit.vector[:, np.asarray(columns, dtype=np.intp)]))
@@ -51,7 +51,7 @@ def estimates(fit: Fit, columns: Sequence[int]) -> FloatArray:
     return _part(fit, columns)[0]
 
 
-def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[Explained]:
+def select_causes(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[Explained]:
     """Return the causes that explain white values, the best first.
 
     Parameters
@@ -67,10 +67,10 @@ def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[
     chosen: list[str] = []
     gains: list[float] = []
     columns: list[int] = []
-    price = _prices(fit, causes)
+    price = _price_causes(fit, causes)
     while len(chosen) < len(causes):
         worth = {
-            name: gain_of(fit, [*columns, *own]) - sum(gains)
+            name: likelihood_gain(fit, [*columns, *own]) - sum(gains)
             for name, own in causes.items()
             if name not in chosen
         }
@@ -93,19 +93,20 @@ def rivals(
 ) -> dict[str, FloatArray]:
     """Return the causes that may be there instead of the only chosen one, with their sizes (b, k).
 
-    `select` would choose them, too, and the likelihood ratio at which one explanation is preferred to another
+    `select_causes` would choose them, too, and the likelihood ratio at which one explanation is preferred to
+    another
     is not reached between the chosen one and them.
     """
-    price = _prices(fit, causes)
+    price = _price_causes(fit, causes)
     least = max(least, chosen.gain - price[chosen.name] - limits.VERDICT.likelihood_ratio)
     return {
         name: estimates(fit, own)
         for name, own in causes.items()
-        if name != chosen.name and gain_of(fit, own) - price[name] >= least
+        if name != chosen.name and likelihood_gain(fit, own) - price[name] >= least
     }
 
 
-def _prices(fit: Fit, causes: Mapping[str, Sequence[int]]) -> dict[str, float]:
+def _price_causes(fit: Fit, causes: Mapping[str, Sequence[int]]) -> dict[str, float]:
     """Return the prices of the regressors of each cause that are present."""
     present = np.diagonal(fit.matrix, axis1=1, axis2=2) > 0
     return {name: limits.VERDICT.price * float(present[:, list(own)].sum()) for name, own in causes.items()}

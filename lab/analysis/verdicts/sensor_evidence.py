@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.sums import Kept, Squares, Sum
-from lab.analysis.verdicts.true_motion import Exact, Reference, exacts, means_over_windows, window_means
+from lab.analysis.verdicts.true_motion import (
+    Exact,
+    Reference,
+    exact_motion_in_windows,
+    means_over_windows,
+    window_means,
+)
 from lab.base.arrays import FloatArray, of_kernel
 from lab.navigation.kernels.compilation import entry_kernel
 from lab.navigation.solution import Belief, Imu
@@ -123,12 +129,12 @@ def sensor_errors(
     reference
         True values.
     true
-        The true motion as from `exacts`, which is that of all runs of a flight.
+        The true motion as from `exact_motion_in_windows`, which is that of all runs of a flight.
     measured
         The mean increments (windows, 6) in the windows of both, as from `window_means`; by default, from the
         output of the sensors.
     """
-    short, long = true or exacts(reference, imu.time)
+    short, long = true or exact_motion_in_windows(reference, imu.time)
     if measured is None:
         first = _measured_means(imu, short)
         measured = first, first if long is short else _measured_means(imu, long)
@@ -152,7 +158,7 @@ def sensor_errors_abreast(
     imus, references
         Output of the sensors and true values of each run.
     true
-        As from `exacts`.
+        As from `exact_motion_in_windows`.
     measured
         The mean increments (runs, windows, 6) in the windows of both.
     """
@@ -303,9 +309,9 @@ def _lag(values: FloatArray, added: FloatArray, fall: FloatArray, dt: float) -> 
         _lagged_means(values, float(np.exp(-dt / lag)), means)
         return means / lag
 
-    lag = _fitted(fall, added)
+    lag = _fit_factor(fall, added)
     for _ in range(3):
-        lag = float(np.clip(_fitted(effect(lag), added), SHORT, LONG))
+        lag = float(np.clip(_fit_factor(effect(lag), added), SHORT, LONG))
     return np.stack((effect(lag), effect(LONGER * lag)), axis=-1)
 
 
@@ -321,7 +327,7 @@ def _lagged_means(values: FloatArray, forget: float, means: FloatArray) -> None:
         means[window] = total / width
 
 
-def _fitted(effect: FloatArray, added: FloatArray) -> float:
+def _fit_factor(effect: FloatArray, added: FloatArray) -> float:
     """Return the fitted factor of an effect, next to a constant."""
     centred = effect - effect.mean()
     return float(centred @ added / max(centred @ centred, TINY))

@@ -11,14 +11,14 @@ from lab.analysis.verdicts.finding import (
     is_right,
     judge_size,
     mean_square,
-    rounded,
+    round_digits,
     size_weight,
-    too,
-    wrong_by,
+    wrong_direction,
+    wrong_factor_interval,
 )
 from lab.analysis.verdicts.finding_table import FINDINGS, SENSORS
 from lab.analysis.verdicts.likely_factor import likely_factor
-from lab.analysis.verdicts.selection import Explained, estimates, gain_of, select
+from lab.analysis.verdicts.selection import Explained, estimates, likelihood_gain, select_causes
 from lab.analysis.verdicts.sensor_evidence import FACTORS, MOTION, SensorErrors
 from lab.analysis.verdicts.sensor_finding_table import EARTH_RATE
 from lab.analysis.verdicts.sums import Fit, Squares
@@ -44,7 +44,7 @@ def judge_sensors(errors: SensorErrors) -> list[Weighed]:
     for sensor, kind in enumerate(SENSORS):
         axes = slice(3 * sensor, 3 * sensor + 3)
         motion, rest = _motion(errors, sensor, kind)
-        found += _clipped(errors, sensor, kind)
+        found += _judge_saturation(errors, sensor, kind)
         # The rate of the Earth shows in both kinds of sensors, and is one fault.
         named = {entry.finding.quantity for entry in found}
         found += [entry for entry in motion if entry.finding.quantity not in {EARTH_RATE} & named]
@@ -71,8 +71,8 @@ def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed]
         errors.matrix.values[:, axes], errors.vector.values[:, axes], errors.squares.values[:, axes]
     )
     total = float(fit.squares)
-    scale = max((total - 2 * gain_of(fit, range(len(MOTION)))) / count, 1e-12)
-    chosen = select(
+    scale = max((total - 2 * likelihood_gain(fit, range(len(MOTION)))) / count, 1e-12)
+    chosen = select_causes(
         Fit(fit.matrix / scale, fit.vector / scale, fit.squares / scale),
         _CAUSES,
         limits.VERDICT.likelihood_ratio,
@@ -87,7 +87,7 @@ def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed]
         elif entry.name == "bandwidth" and _lag(entry) < limits.VERDICT.lag:
             continue
         elif 2 * entry.gain / count > limits.VERDICT.noise_part:
-            found.append(_stated(entry, kind, sensor))
+            found.append(_state_finding(entry, kind, sensor))
     rest = total - explained
     if found and count < rest < count + limits.VERDICT.remainder_part * explained:
         rest = count
@@ -115,7 +115,7 @@ def _lag(entry: Explained) -> float:
     return float(np.sqrt(np.mean(entry.estimate.sum(axis=1) ** 2)))
 
 
-def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
+def _state_finding(entry: Explained, kind: str, sensor: int) -> Weighed:
     unit, to_unit = (("°/s", np.degrees(1.0)), ("mg", 1000 / STANDARD_GRAVITY))[sensor]
     is_lag = entry.name == "bandwidth"
     factor = _lag(entry) if is_lag else float(np.sqrt(np.mean(entry.estimate**2)))
@@ -132,10 +132,12 @@ def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
     )
     statistic = f"logarithm of the likelihood ratio {entry.gain:.0f}"
     wording = FINDINGS[entry.name]
-    return Weighed(entry.gain, wording.finding(factor, statistic, sensor=kind, size=rounded(size), unit=unit))
+    return Weighed(
+        entry.gain, wording.finding(factor, statistic, sensor=kind, size=round_digits(size), unit=unit)
+    )
 
 
-def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
+def _judge_saturation(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
     """Judge the windows with saturation."""
     total, count = (float(figure[sensor]) for figure in errors.clipped)
     if not count or total < count or is_right(total, count):
@@ -181,7 +183,10 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     candidates = {"bias drift": (0, 1), "temperature": (0, 2), "g-sensitivity": (0, 3)}
     price = limits.VERDICT.price * matrix.shape[0]
     gains = {
-        name: gain_of(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), columns) + sizes[0] - assumed - price
+        name: likelihood_gain(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), columns)
+        + sizes[0]
+        - assumed
+        - price
         for name, columns in candidates.items()
         if matrix[:, 0, columns[1], columns[1]].any()
     }
@@ -193,7 +198,7 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     ):
         column = candidates[top][1]
         estimate = estimates(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), (0, column))[:, 1:]
-        return [_stated(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
+        return [_state_finding(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
     statistic = f"logarithm of the likelihood ratio {gain:.0f}"
     known = float(errors.known.values[:, axes][used].sum())
     if gain < limits.VERDICT.likelihood_ratio < known:
@@ -206,14 +211,14 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     ):
         return []
     times = factor if factor > 1 else 1 / max(factor, LEAST_FACTOR)
-    interval = wrong_by(factor, ends[0] / drive, ends[1] / drive) if ends and drive else None
+    interval = wrong_factor_interval(factor, ends[0] / drive, ends[1] / drive) if ends and drive else None
     wording = FINDINGS["more wander" if factor > 1 else "less wander"]
     finding = (wording if np.isfinite(times) else FINDINGS["wander without a drive"]).finding(
         float(times),
         f"{statistic}{interval_words(interval)}",
         interval,
         (axes.start + 6, axes.stop + 6),
-        direction=too(factor),
+        direction=wrong_direction(factor),
         sensor=kind,
         factor=float(times),
         multiply=float(factor),

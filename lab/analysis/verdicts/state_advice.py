@@ -15,7 +15,7 @@ import numpy as np
 from lab.analysis.fix_causes import gains
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE, KEEP_R
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, rounded, written
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, format_number, round_digits
 from lab.analysis.verdicts.finding_table import CORRELATION, SENSORS
 from lab.analysis.verdicts.innovation_evidence import Record, normalised, offered
 from lab.analysis.verdicts.outliers import NEIGHBOURS, outliers
@@ -85,7 +85,7 @@ _STATES = {
 _TIME = "sensors.gps.correlation_time"
 
 
-def of_simulated(verdict: Verdict, experiment: ExperimentSettings, P0: FloatArray | None) -> Verdict:
+def advise_simulated(verdict: Verdict, experiment: ExperimentSettings, P0: FloatArray | None) -> Verdict:
     """Return a verdict on simulated runs, with the settings of the filter that add states.
 
     An error whose size is zero in the settings, as one that is hidden in a homework, keeps its advice.
@@ -109,12 +109,12 @@ def of_simulated(verdict: Verdict, experiment: ExperimentSettings, P0: FloatArra
         states = _states(finding, experiment)
         if states is None or not np.any(experiment.get(states.size)):
             return finding
-        return _with(finding, states)
+        return _change_advice(finding, states)
 
-    return _replaced(verdict, [advised(one) for one in verdict.findings])
+    return _replace_findings(verdict, [advised(one) for one in verdict.findings])
 
 
-def of_log(verdict: Verdict, run: Repeatable) -> Verdict:
+def advise_log(verdict: Verdict, run: Repeatable) -> Verdict:
     """Return a verdict on the innovations of a log, with the settings that add states."""
 
     def advised(finding: Finding) -> Finding:
@@ -122,20 +122,20 @@ def of_log(verdict: Verdict, run: Repeatable) -> Verdict:
         if states is None:
             return finding
         if finding.quantity != CORRELATION:
-            size = rounded(finding.factor / np.sqrt(states.parts) / states.unit)
-            return _with(finding, states, (Change(states.size, size),))
+            size = round_digits(finding.factor / np.sqrt(states.parts) / states.unit)
+            return _change_advice(finding, states, (Change(states.size, size),))
         drift = _drift(run)
         if drift is None:
             return finding
-        size, time = rounded(drift.sigma), rounded(drift.time)
+        size, time = round_digits(drift.sigma), round_digits(drift.time)
         changes = [Change(states.size, size), Change(_TIME, time)]
         if drift.white != 1:
             horizontal, vertical, velocity = run.experiment.navigator.r_factors
-            factors = [rounded(drift.white * horizontal), rounded(drift.white * vertical), velocity]
+            factors = [round_digits(drift.white * horizontal), round_digits(drift.white * vertical), velocity]
             changes.append(Change("navigator.r_factors", factors))
-        return _with(finding, states, tuple(changes))
+        return _change_advice(finding, states, tuple(changes))
 
-    return _replaced(verdict, [advised(one) for one in verdict.findings])
+    return _replace_findings(verdict, [advised(one) for one in verdict.findings])
 
 
 def _sigmas_of_scales(verdict: Verdict, experiment: ExperimentSettings) -> dict[str, float]:
@@ -164,7 +164,7 @@ def _with_scales(
         sigma = np.broadcast_to(np.asarray(experiment.get(path), dtype=np.float64), 3)
         if path in sigmas:
             sigma = np.full(3, sigmas[path])
-            words.append(f"{written(sigmas[path])} % of the {kind}s")
+            words.append(f"{format_number(sigmas[path])} % of the {kind}s")
         states = np.arange(CORE + 3 * at, CORE + 3 * at + 3)
         whole[states, states] = (sigma / 100) ** 2 / navigator.p0_scale
     diagonal = np.diag(whole)
@@ -185,7 +185,7 @@ def _states(finding: Finding, experiment: ExperimentSettings) -> States | None:
     return states
 
 
-def _with(finding: Finding, states: States, changes: tuple[Change, ...] = ()) -> Finding:
+def _change_advice(finding: Finding, states: States, changes: tuple[Change, ...] = ()) -> Finding:
     settings = ", ".join(f"{one.path} to {_text(one.value)}" for one in changes)
     row = "estimate with settings" if changes else "estimate"
     advice = ADVICE[row].filled(switch=states.switch, settings=settings, states=states.words)
@@ -193,10 +193,10 @@ def _with(finding: Finding, states: States, changes: tuple[Change, ...] = ()) ->
 
 
 def _text(value: object) -> str:
-    return written(value) if isinstance(value, float) else str(value)
+    return format_number(value) if isinstance(value, float) else str(value)
 
 
-def _replaced(verdict: Verdict, findings: list[Finding]) -> Verdict:
+def _replace_findings(verdict: Verdict, findings: list[Finding]) -> Verdict:
     """Return a verdict with other advice; the same object if none is other."""
     same = all(one is other for one, other in zip(findings, verdict.findings, strict=True))
     return verdict if same else replace(verdict, findings=tuple(findings))

@@ -18,12 +18,12 @@ from lab.analysis.verdicts.finding import Suggestion, Verdict
 from lab.analysis.verdicts.trial import (
     EVERY,
     Repeatable,
-    advised,
+    apply_changes,
+    describe_worsened,
     figures,
-    growth_of,
     held_out,
+    measure_growth,
     metres,
-    worsened,
 )
 from lab.analysis.verdicts.wheels import ahead_of_axle, rolls
 from lab.base.arrays import FloatArray
@@ -78,28 +78,28 @@ def with_suggestions(
 
 def _no_slip(run: Repeatable) -> Suggestion | None:
     """Return the suggestion that the vehicle does not slip, if that helps."""
-    place = _place(run)
+    place = _place_to_try(run)
     advice = NO_SLIP if place is None else NO_SLIP_AT
     changes = advice.filled(place=place, outage=OUTAGE, before="", after="").changes
-    with_it = run.repeated(advised(run, changes))
+    with_it = run.repeated(apply_changes(run, changes))
     if judge_aids(with_it.evidence.aids):
         return None  # it slips, or the axes of the IMU are not those of the vehicle
-    before, after = (_across(one) for one in (run, with_it))
-    growth = growth_of(before, after)
+    before, after = (_outage_errors(one) for one in (run, with_it))
+    growth = measure_growth(before, after)
     if (
         growth is None
         or before.size < limits.VERDICT.shown_outages
         or growth[0] + limits.VERDICT.likely_errors * growth[1] > -np.log(limits.VERDICT.closer_factor)
     ):
         return None
-    if worsened(figures(run), figures(with_it)):
+    if describe_worsened(figures(run), figures(with_it)):
         return None
     was, becomes = (metres(float(np.sqrt(np.nanmean(one**2)))) for one in (before, after))
     text = advice.filled(place=place, outage=OUTAGE, before=was, after=becomes).text
     return Suggestion(WHEELS, text, changes)
 
 
-def _place(run: Repeatable) -> list[float] | None:
+def _place_to_try(run: Repeatable) -> list[float] | None:
     """Return the place on the rear axle to try; None to leave the setting as it is.
 
     The speeds are zero at a place on the rear axle, and an IMU ahead of it moves sideways in turns. The place
@@ -114,7 +114,7 @@ def _place(run: Repeatable) -> list[float] | None:
     return [-ahead, 0.0, 0.0]
 
 
-def _across(run: Repeatable) -> FloatArray:
+def _outage_errors(run: Repeatable) -> FloatArray:
     """Return the errors of the outages of all sets [m]; see `trial.held_out`."""
     sets = [held_out(run, EVERY * turn / TURNS, OUTAGE) for turn in range(TURNS)]
     return np.concatenate(sets)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import TRIED
 from lab.analysis.verdicts.evidence import Evidence
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, written
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, format_number, headline
 from lab.analysis.verdicts.run_evidence import Filtered
 from lab.analysis.verdicts.verdict import judge
 from lab.base.arrays import FloatArray
@@ -29,7 +29,7 @@ from lab.motion.frames.displacement import displaced, displacement
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.navigation.belief import r_factors
 from lab.navigation.checks import DivergedError
-from lab.navigation.filters.blocks import GPS_DRIFT, IMU_DENSITIES, states_of
+from lab.navigation.filters.blocks import GPS_DRIFT, IMU_DENSITIES, find_states
 from lab.run.experiment_settings import ExperimentSettings
 from lab.run.run import Run
 
@@ -97,7 +97,7 @@ def can_be_tried(verdict: Verdict, algorithm: str) -> bool:
     return not algorithm and any(finding.changes for finding in verdict.findings)
 
 
-def tried(
+def try_advice(
     verdict: Verdict, runs: Sequence[Repeatable], progress: Callable[[str, float], None] | None = None
 ) -> Verdict:
     """Return a verdict with the effect of its advice.
@@ -119,16 +119,16 @@ def tried(
         return verdict
     tell(_TRYING, 0.0)
     before = average([figures(run) for run in runs])
-    together = _together(with_changes, runs, before, tell) if len(with_changes) > 1 else ""
+    together = _describe_joint_effect(with_changes, runs, before, tell) if len(with_changes) > 1 else ""
     found, useless = [], []
     for number, finding in enumerate(verdict.findings):
         if not finding.changes:
             found.append(finding)
         elif together:
-            found.append(replace(finding, advice=_told("better together", finding, effect=together)))
+            found.append(replace(finding, advice=_describe_row("better together", finding, effect=together)))
         else:
             tell(_TRYING, (number + 1) / (len(verdict.findings) + 1))
-            after = _tried(finding, runs, before)
+            after = _try_finding(finding, runs, before)
             useless += [len(found)] if after.advice == TRIED["useless"] else []
             found.append(after)
     for again in useless[1:]:  # once is enough
@@ -137,7 +137,7 @@ def tried(
     return Verdict(headline(findings, verdict.headline), findings, verdict.basis)
 
 
-def _together(
+def _describe_joint_effect(
     findings: list[Finding], runs: Sequence[Repeatable], before: Figures, tell: Callable[[str, float], None]
 ) -> str:
     """Return the effect of all advice together as text; empty if it makes anything worse, or nothing better.
@@ -147,42 +147,42 @@ def _together(
     changes = tuple(change for finding in findings for change in finding.changes)
     tell(_TRYING, 0.1)
     try:
-        after = [run.repeated(advised(run, changes)) for run in runs]
+        after = [run.repeated(apply_changes(run, changes)) for run in runs]
         there = average([figures(run) for run in after])
     except (SettingError, ValueError):
         return ""
-    if worsened(before, there) or not _helped(findings, before, there, after):
+    if describe_worsened(before, there) or not _has_helped(findings, before, there, after):
         return ""
     return _describe(before, there)
 
 
-def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Finding:
+def _try_finding(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Finding:
     """Return a finding with the effect of its advice, or without its advice."""
     try:
-        after = [run.repeated(advised(run, finding.changes)) for run in runs]
+        after = [run.repeated(apply_changes(run, finding.changes)) for run in runs]
         there = average([figures(run) for run in after])
     except (SettingError, ValueError) as error:
-        return replace(finding, advice=_told("refused", finding, error=error), changes=())
-    worse = worsened(before, there)
+        return replace(finding, advice=_describe_row("refused", finding, error=error), changes=())
+    worse = describe_worsened(before, there)
     if worse:
-        return replace(finding, advice=_told("worse", finding, worse=worse), changes=())
-    if not _helped([finding], before, there, after):
+        return replace(finding, advice=_describe_row("worse", finding, worse=worse), changes=())
+    if not _has_helped([finding], before, there, after):
         return replace(finding, advice=TRIED["useless"], changes=())
-    return replace(finding, advice=_told("better", finding, effect=_describe(before, there)))
+    return replace(finding, advice=_describe_row("better", finding, effect=_describe(before, there)))
 
 
-def _told(row: str, finding: Finding, **fields: object) -> str:
+def _describe_row(row: str, finding: Finding, **fields: object) -> str:
     return TRIED[row].format(advice=finding.advice, **fields)
 
 
-def _helped(
+def _has_helped(
     findings: Sequence[Finding], before: Figures, there: Figures, after: Sequence[Repeatable]
 ) -> bool:
     """Return whether advice improved a figure, or with the truth, removed one of its findings.
 
     Errors that the filter states wrongly need not show in the innovations, such as those of the start.
     """
-    if improved(before, there):
+    if has_improved(before, there):
         return True
     evidence = [run.evidence for run in after]
     if any(one.start is None for one in evidence):
@@ -193,7 +193,7 @@ def _helped(
     )
 
 
-def improved(before: Figures, after: Figures) -> bool:
+def has_improved(before: Figures, after: Figures) -> bool:
     """Return whether a figure became better, by more than counts as a change."""
     return bool(
         abs(np.log(max(after.nis, 1e-9))) < abs(np.log(max(before.nis, 1e-9))) - limits.VERDICT.figure_change
@@ -202,7 +202,7 @@ def improved(before: Figures, after: Figures) -> bool:
     )
 
 
-def worsened(before: Figures, after: Figures) -> str:
+def describe_worsened(before: Figures, after: Figures) -> str:
     """Return the figures that became worse, as text; empty if none did."""
     found = []
     by_chance = limits.VERDICT.figure_sigmas / np.sqrt(max(after.fixes, 1.0))
@@ -213,7 +213,7 @@ def worsened(before: Figures, after: Figures) -> str:
         found.append(
             f"the correlation of the innovations ({before.correlation:.2f}, then {after.correlation:.2f})"
         )
-    if _grew(before, after):
+    if _outage_errors_grew(before, after):
         found.append(
             f"the error across outages of {OUTAGE:.0f} s ({metres(before.held_out)}, then "
             f"{metres(after.held_out)})"
@@ -221,20 +221,20 @@ def worsened(before: Figures, after: Figures) -> str:
     return " and ".join(found)
 
 
-def _grew(before: Figures, after: Figures) -> bool:
+def _outage_errors_grew(before: Figures, after: Figures) -> bool:
     """Return whether the errors across outages grew, by more than they scatter from one to another."""
     if not after.held_out > limits.VERDICT.worse_factor * before.held_out:
         return False
     if not np.isfinite(after.held_out):
         return True
-    growth = growth_of(before.outages, after.outages)
+    growth = measure_growth(before.outages, after.outages)
     return (
         growth is not None
         and growth[0] > np.log(limits.VERDICT.worse_factor) + limits.VERDICT.likely_errors * growth[1]
     )
 
 
-def growth_of(before: FloatArray, after: FloatArray) -> tuple[float, float] | None:
+def measure_growth(before: FloatArray, after: FloatArray) -> tuple[float, float] | None:
     """Return the mean logarithm of the growth of the errors of outages (k,), and its standard error.
 
     None without an outage that has errors before and after.
@@ -266,10 +266,10 @@ def _describe(before: Figures, after: Figures) -> str:
 
 def metres(error: float) -> str:
     """Return an error as text; it is infinite where a run diverges."""
-    return f"{written(error)} m" if np.isfinite(error) else "without bound"
+    return f"{format_number(error)} m" if np.isfinite(error) else "without bound"
 
 
-def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
+def apply_changes(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
     """Return the experiment of a run with some settings changed.
 
     Matched matrices are replaced by the filter's, without its further states; for the fixes of a log, which
@@ -305,10 +305,10 @@ def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
 
 def figures(run: Repeatable) -> Figures:
     """Return the figures of a run, without the truth."""
-    return figures_of(run.evidence)._replace(outages=held_out(run))
+    return figures_of_evidence(run.evidence)._replace(outages=held_out(run))
 
 
-def figures_of(evidence: Evidence) -> Figures:
+def figures_of_evidence(evidence: Evidence) -> Figures:
     """Return the figures of a run from its evidence, without those of outages."""
     seen = evidence.innovations
     power = seen.squares.total.reshape(2, 3).sum(axis=1)
@@ -377,6 +377,6 @@ def _receiver_drift(run: Repeatable, samples: NDArray[np.intp]) -> FloatArray:
     if GPS_DRIFT not in run.blocks:
         return np.zeros((samples.size, 3))
     solution = run.solution_arrays
-    own = states_of(run.blocks, GPS_DRIFT)
+    own = find_states(run.blocks, GPS_DRIFT)
     first = solution.states - solution.further.shape[1]
     return np.asarray(solution.further[samples, own.start - first : own.stop - first])

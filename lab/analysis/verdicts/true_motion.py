@@ -107,7 +107,7 @@ class Exact(NamedTuple):
     earth: FloatArray
 
 
-def exacts(reference: Reference, time: FloatArray) -> tuple[Exact, Exact]:
+def exact_motion_in_windows(reference: Reference, time: FloatArray) -> tuple[Exact, Exact]:
     """Return the true motion in the windows of the tests of the noise, and of the bias; see `exact`."""
     window = max(WINDOW, float(time[-1] - time[0]) / LONGEST)
     short = exact(reference, time)

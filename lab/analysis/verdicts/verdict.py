@@ -64,12 +64,12 @@ def judge(evidence: Evidence) -> Verdict:
         return Verdict("No verdict: no fix was used.", (), NOTHING)
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
     runs += "" if evidence.usage.used else ", no fix used"
-    basis = f"{runs}, {_judged(evidence) if with_truth else 'innovations only'}"
+    basis = f"{runs}, {_describe_basis(evidence) if with_truth else 'innovations only'}"
     what = "the errors match" if with_truth else "the innovations are white and match"
     return Verdict(headline(findings, f"Consistent: {what} the filter's own σ."), findings, basis)
 
 
-def _judged(evidence: Evidence) -> str:
+def _describe_basis(evidence: Evidence) -> str:
     """Return what a verdict with the truth is based on: without any measurement, there are no innovations."""
     seen = evidence.usage.offered or evidence.aids.number.any()
     return "errors and innovations" if seen else "errors only"

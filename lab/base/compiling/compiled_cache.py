@@ -124,7 +124,7 @@ class CachedKernel(CPUDispatcher):
         # The lock of the compiler first: a thread that compiles another kernel has it, and may need this one.
         with global_compiler_lock:
             file = self._files()
-            with _alone(file) if file else contextlib.nullcontext(), collection_pause():
+            with _lock_kernel(file) if file else contextlib.nullcontext(), collection_pause():
                 return super().compile(sig)
 
     @property
@@ -149,7 +149,7 @@ class CachedKernel(CPUDispatcher):
 
 
 @contextlib.contextmanager
-def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
+def _lock_kernel(kernel: CheckedCacheFile) -> Iterator[None]:
     """Wait until no other process compiles a kernel, and keep others waiting.
 
     Nobody waits for a process of the lowest priority, which on a busy computer may take long.
@@ -173,7 +173,7 @@ def is_missing(kernel: object) -> bool:
     return isinstance(kernel, CachedKernel) and not kernel.is_ready and kernel._files() is not None
 
 
-def cached(function: Any, options: dict[str, Any]) -> Any:
+def compile_cached(function: Any, options: dict[str, Any]) -> Any:
     """Return a function that is compiled with some options when first called, and kept on disk.
 
     Parameters

@@ -71,7 +71,7 @@ def fingerprint(function: object) -> str:
     def add(value: object) -> None:
         plain = plain_function(value)
         if plain is None:
-            digest.update(_written(value).encode())
+            digest.update(_value_text(value).encode())
         elif plain in seen:
             digest.update(f"function {seen[plain]}".encode())
         else:
@@ -90,19 +90,19 @@ def fingerprint(function: object) -> str:
 def _code(code: CodeType, docstring: str | None) -> str:
     """Return the instructions of a function with its constants, without the docstring."""
     constants = [
-        _code(part, None) if isinstance(part, CodeType) else _written(part)
+        _code(part, None) if isinstance(part, CodeType) else _value_text(part)
         for part in code.co_consts
         if docstring is None or part != docstring
     ]
     return f"{code.co_code.hex()} {constants} {code.co_names} {code.co_varnames} {code.co_argcount}"
 
 
-def _written(value: object) -> str:
+def _value_text(value: object) -> str:
     """Return a value as text; only the name of what a kernel does not compile."""
     if isinstance(value, np.ndarray):
         return f"{value.dtype} {value.shape} {value.tobytes().hex()}"
     if isinstance(value, frozenset):
-        return str(sorted(map(_written, value)))
+        return str(sorted(map(_value_text, value)))
     if isinstance(value, int | float | complex | str | bytes | tuple | None):
         return repr(value)
     return _fields(value) or getattr(value, "__name__", type(value).__name__)

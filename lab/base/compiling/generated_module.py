@@ -28,7 +28,7 @@ LONGEST_NAME = 60
 _LOCK = threading.RLock()
 
 
-def module_of(name: str, text: str, *, in_memory: bool = False) -> ModuleType:
+def load_module(name: str, text: str, *, in_memory: bool = False) -> ModuleType:
     """Return the module with some text: that which this process has already, or a new one.
 
     Parameters
@@ -46,7 +46,7 @@ def module_of(name: str, text: str, *, in_memory: bool = False) -> ModuleType:
     with _LOCK:
         if stem in sys.modules:
             return sys.modules[stem]
-        path = None if in_memory else _written(name, stem, text)
+        path = None if in_memory else _write_module(name, stem, text)
         module = ModuleType(stem)
         module.__file__ = str(path or f"<{stem}>")
         if path is None:  # a debugger and tracebacks find the lines here
@@ -64,7 +64,7 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def _written(name: str, stem: str, text: str) -> Path | None:
+def _write_module(name: str, stem: str, text: str) -> Path | None:
     """Write the file of a module unless it is there with the same text; return None if that is impossible."""
     folder = generated_folder()
     if folder is None:

@@ -32,7 +32,7 @@ from numba.core.untyped_passes import (
     WithLifting,
 )
 
-from lab.base.compiling.compiled_cache import cached
+from lab.base.compiling.compiled_cache import compile_cached
 
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of a kernel that no Python and no C calls."""
@@ -144,7 +144,7 @@ class Kernel(CPUDispatcher):
         """The function compiled for callers in Python, at the first call; one of the lab is kept on disk."""
         called = {name: value for name, value in self.targetoptions.items() if name not in WITHOUT_WRAPPERS}
         if self.py_func.__module__.startswith("lab."):
-            return cast(Callable[..., Any], cached(self.py_func, called))
+            return cast(Callable[..., Any], compile_cached(self.py_func, called))
         return cast(Callable[..., Any], numba.jit(**called)(self.py_func))
 
     def get_call_template(self, args: Any, kws: Any) -> Any:

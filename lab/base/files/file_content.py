@@ -241,12 +241,12 @@ def content(path: Path, limit: int, piece: int = 2**20) -> Iterator[bytes]:
         raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
-def whole(path: Path, limit: int) -> bytes:
+def read_whole(path: Path, limit: int) -> bytes:
     """Return all bytes of a file; see `content`."""
     return b"".join(content(path, limit))
 
 
-def unzipped(
+def unzip_files(
     path: Path, data: bytes, choose: Callable[[Sequence[str]], Sequence[str]], limit: int
 ) -> list[tuple[str, bytes]]:
     """Return files in a zip file.

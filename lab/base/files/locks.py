@@ -64,7 +64,7 @@ def folder_lock(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
         yield
 
 
-def hold(folder: Path) -> BinaryIO | None:
+def lock_folder(folder: Path) -> BinaryIO | None:
     """Lock a folder until the returned file is closed; return None if it is taken.
 
     Raises

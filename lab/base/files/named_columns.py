@@ -113,7 +113,7 @@ def read_columns(path: Path, accepted: tuple[Column, ...], *, may_be_cut: bool =
             rows = block.rstrip()
             if rows:
                 if blank_line:
-                    raise MissionError(_blank(path, blank_line))
+                    raise MissionError(_blank_line_error(path, blank_line))
                 values = _parse(rows, cells, columns, indices)
                 if values is None and may_be_cut and text.at_end():
                     begun, _, last = rows.rpartition(b"\n")
@@ -304,7 +304,7 @@ def _fault(path: Path, row: str, number: int, cells: int, columns: list[Column],
     """Return the message for a row; empty if nothing is wrong in it."""
     texts = row.split(",")
     if not row.strip():
-        return _blank(path, number)
+        return _blank_line_error(path, number)
     if len(texts) != cells:
         return f"{path}, row {number}: {len(texts)} cells; accepted are {cells}, as many as in the header"
     for column, index in zip(columns, indices, strict=True):
@@ -323,7 +323,7 @@ def _cell_fault(column: Column, text: str) -> str:
     return f"{shown!r} is not accepted" if shown else "the cell is empty"
 
 
-def _blank(path: Path, line: int) -> str:
+def _blank_line_error(path: Path, line: int) -> str:
     return f"{path}, row {line}: the row is empty; accepted is one sample per row"
 
 

@@ -32,18 +32,18 @@ milliseconds."""
 _FILE = re.compile(r"\..+\.(toml|csv|csv\.gz)\.(ins-lab-)?[a-z0-9_]{8}")
 
 
-def note_of(recording: Path) -> Path:
+def note_path(recording: Path) -> Path:
     """Return the file that stands beside a recording while its mission is not written."""
     return recording.with_name(f".{recording.name}{NOTE}")
 
 
 @contextlib.contextmanager
-def unfinished(recording: Path) -> Iterator[None]:
+def mark_unfinished(recording: Path) -> Iterator[None]:
     """Mark a recording as having no mission yet, until its mission is written or it is removed."""
-    note = note_of(recording)
+    note = note_path(recording)
     note.touch()
     try:
-        with _held(note):
+        with _hold_lock(note):
             yield
     finally:
         note.unlink(missing_ok=True)
@@ -61,12 +61,12 @@ def temporary_folder(where: Path) -> Iterator[Path]:
         If it cannot be made.
     """
     clear(where, lambda name: name.startswith(TEMPORARY))
-    with tempfile.TemporaryDirectory(dir=where, prefix=TEMPORARY) as name, _held(Path(name) / LOCK_FILE):
+    with tempfile.TemporaryDirectory(dir=where, prefix=TEMPORARY) as name, _hold_lock(Path(name) / LOCK_FILE):
         yield Path(name)
 
 
 @contextlib.contextmanager
-def _held(path: Path) -> Iterator[None]:
+def _hold_lock(path: Path) -> Iterator[None]:
     """Hold the lock of a file, where the file system has locks."""
     lock = None
     with contextlib.suppress(OSError):
@@ -95,7 +95,7 @@ def clear(folder: Path, is_left: Callable[[str], object]) -> None:
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for path in [Path(entry.path) for entry in entries if is_left(entry.name)]:
             with contextlib.suppress(OSError):
-                if path.is_symlink() or _newest(path) > limit or _is_held(path):
+                if path.is_symlink() or _last_change(path) > limit or _is_held(path):
                     continue
                 if path.is_dir():
                     shutil.rmtree(path)
@@ -125,13 +125,13 @@ def sweep(folder: Path, is_named: Callable[[Path], bool], now: float | None = No
     for entry in hidden:
         path = Path(entry.path)
         with contextlib.suppress(OSError):
-            if entry.is_symlink() or not _is_own(entry) or _newest(path) > limit or _is_held(path):
+            if entry.is_symlink() or not _is_own(entry) or _last_change(path) > limit or _is_held(path):
                 continue
             if entry.is_dir():
                 shutil.rmtree(path)
             else:
                 if entry.name.endswith(NOTE):
-                    swept += _unwritten(path, is_named)
+                    swept += _remove_unwritten(path, is_named)
                 path.unlink()
             swept.append(entry.name)
     return swept
@@ -144,7 +144,7 @@ def _is_own(entry: os.DirEntry[str]) -> bool:
     return entry.is_file() and bool(entry.name.endswith(NOTE) or _FILE.fullmatch(entry.name))
 
 
-def _unwritten(note: Path, is_named: Callable[[Path], bool]) -> list[str]:
+def _remove_unwritten(note: Path, is_named: Callable[[Path], bool]) -> list[str]:
     """Remove the recording of a note, unless a mission names it."""
     recording = note.with_name(note.name.removeprefix(".").removesuffix(NOTE))
     if not recording.is_file() or recording.is_symlink() or is_named(recording):
@@ -153,7 +153,7 @@ def _unwritten(note: Path, is_named: Callable[[Path], bool]) -> list[str]:
     return [recording.name]
 
 
-def _newest(path: Path) -> float:
+def _last_change(path: Path) -> float:
     """Return when a file, or anything in a folder, was last changed [s]."""
     inside = path.rglob("*") if path.is_dir() and not path.is_symlink() else ()
     return float(max(one.lstat().st_mtime for one in (path, *inside)))

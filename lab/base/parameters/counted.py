@@ -5,7 +5,7 @@ from __future__ import annotations
 _HISSING = ("s", "x", "z", "ch", "sh")
 
 
-def counted(count: int, what: str) -> str:
+def count_noun(count: int, what: str) -> str:
     """Return a number and a noun.
 
     >>> counted(1, "fix"), counted(2, "fix"), counted(0, "sample")
@@ -22,6 +22,6 @@ def counted(count: int, what: str) -> str:
     return f"{count} {what}{ending}"
 
 
-def were(count: int) -> str:
+def was_or_were(count: int) -> str:
     """Return the verb after a number of things, was or were."""
     return "was" if count == 1 else "were"

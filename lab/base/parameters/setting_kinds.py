@@ -271,16 +271,16 @@ def requirement(parameter: param.Parameter, value: Any = None, name: str = "") -
     kind = "a whole number " if isinstance(parameter, param.Integer) else ""
     unit = f" {parameter.unit}" if getattr(parameter, "unit", "") else ""
     unset = f", or {parameter.unset}" if isinstance(parameter, QuantityOrNone) else ""
-    return f"{name} must be {kind}between {_plain(low)} and {_plain(high)}{unit}{unset}."
+    return f"{name} must be {kind}between {_format_plain(low)} and {_format_plain(high)}{unit}{unset}."
 
 
-def _plain(number: float) -> str:
+def _format_plain(number: float) -> str:
     """Return a number without an exponent, and with commas between the thousands."""
     text = f"{number:,.10f}"
     return text.rstrip("0").rstrip(".")
 
 
-def _either(options: Iterable[object]) -> str:
+def _join_options(options: Iterable[object]) -> str:
     return " or ".join(str(option) for option in options)
 
 
@@ -301,11 +301,12 @@ _WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
     param.Integer: lambda p, u: f"a whole number{range_text(p.bounds)}{u}",
     param.Number: lambda p, u: f"a number{range_text(p.bounds)}{u}",
     MatrixOrNone: lambda p, u: (
-        f"{_either(p.sizes)} variances"
+        f"{_join_options(p.sizes)} variances"
         + (
             ""
             if p.diagonal_only
-            else f", or a symmetric positive semidefinite {_either(f'{n} × {n}' for n in p.sizes)} matrix"
+            else ", or a symmetric positive semidefinite "
+            f"{_join_options(f'{n} × {n}' for n in p.sizes)} matrix"
         )
     ),
     QuantityOrNone: lambda p, u: (
@@ -338,7 +339,7 @@ def value_text(declaration: param.Parameter, value: Any) -> str:
     return f"{text} {getattr(declaration, 'unit', '')}".rstrip()
 
 
-def brief(declaration: param.Parameter, value: Any) -> str:
+def brief_value(declaration: param.Parameter, value: Any) -> str:
     """Return value, unit and bounds in a few words, such as ``"0.05 °/s/√Hz, from 0 to 10"``."""
     if isinstance(declaration, param.Selector):
         return f"{value}, {describe(declaration)}"
@@ -369,7 +370,7 @@ def listing(title: str, leaves: Iterable[tuple[str, param.Parameterized, str]]) 
     lines = [
         (
             f"{'*' if is_changed(leaf) else ' '} {leaf[0]}",
-            brief(leaf[1].param[leaf[2]], getattr(leaf[1], leaf[2])),
+            brief_value(leaf[1].param[leaf[2]], getattr(leaf[1], leaf[2])),
         )
         for leaf in leaves
     ]

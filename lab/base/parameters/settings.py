@@ -60,7 +60,7 @@ class Settings(NotebookCard, param.Parameterized):
 
     def __init__(self, **values: Any) -> None:
         cls = type(self)
-        groups = {name: self.param[name].class_() for name in _declared(cls) if _is_group(cls, name)}
+        groups = {name: self.param[name].class_() for name in _declared_names(cls) if _is_group(cls, name)}
         super().__init__(**groups)
         for name, value in values.items():
             self.set(name, value)
@@ -68,7 +68,7 @@ class Settings(NotebookCard, param.Parameterized):
     def __setattr__(self, name: str, value: Any) -> None:
         # Without this, a misspelt setting would be accepted as a new attribute without effect.
         if not name.startswith("_") and not hasattr(type(self), name):
-            raise SettingError(_unknown(name, name, "", self))
+            raise SettingError(_unknown_name_message(name, name, "", self))
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
@@ -76,7 +76,7 @@ class Settings(NotebookCard, param.Parameterized):
         mine = [cls for cls in type(self).__mro__ if issubclass(cls, Settings)]
         public = {name for cls in mine for name in vars(cls) if not name.startswith("_")}
         methods = {name for name in public if callable(getattr(type(self), name)) and name not in _HIDDEN}
-        return [*_declared(type(self)), *sorted(methods - set(_declared(type(self))))]
+        return [*_declared_names(type(self)), *sorted(methods - set(_declared_names(type(self))))]
 
     def __repr__(self) -> str:
         return listing(type(self).__name__, self.leaves())
@@ -86,21 +86,23 @@ class Settings(NotebookCard, param.Parameterized):
         # In IPython, param appends a table in colours to the docstring, without units.
         about = inspect.cleandoc((type(self).__doc__ or "").partition("\x1b[")[0])
         parts = []
-        for name, value in ((name, getattr(self, name)) for name in _declared(type(self))):
+        for name, value in ((name, getattr(self, name)) for name in _declared_names(type(self))):
             if isinstance(value, Settings):
-                parts.append(f"{name}.{{{', '.join(_declared(type(value)))}}}")
+                parts.append(f"{name}.{{{', '.join(_declared_names(type(value)))}}}")
             else:
                 parts.append(paragraph(name, type(self).param[name], value))
         return "\n\n".join((about.rstrip(), *parts))
 
     def groups(self) -> dict[str, Settings]:
         """Return the groups directly inside this one, by name."""
-        return {name: getattr(self, name) for name in _declared(type(self)) if _is_group(type(self), name)}
+        return {
+            name: getattr(self, name) for name in _declared_names(type(self)) if _is_group(type(self), name)
+        }
 
     def leaves(self, prefix: str = "") -> Iterator[tuple[str, Settings, str]]:
         """Iterate over every setting as (dotted path, owning group, name within the group)."""
         groups = self.groups()
-        for name in _declared(type(self)):
+        for name in _declared_names(type(self)):
             path = f"{prefix}{name}"
             if name in groups:
                 yield from groups[name].leaves(f"{path}.")
@@ -134,7 +136,7 @@ class Settings(NotebookCard, param.Parameterized):
             try:
                 value = form.back(form.declaration.broadcast(value))
             except (ValueError, TypeError, OverflowError) as error:
-                raise _refused(path, value, form.declaration, error) from error
+                raise _refused_error(path, value, form.declaration, error) from error
             path = form.setting
         owner, name = self._find(path)
         current = getattr(owner, name)
@@ -142,7 +144,7 @@ class Settings(NotebookCard, param.Parameterized):
             if isinstance(value, Settings):
                 value = value.to_dict()
             if not isinstance(value, Mapping):
-                names = ", ".join(_declared(type(current)))
+                names = ", ".join(_declared_names(type(current)))
                 raise SettingError(f"{path}: is a group of settings ({names}), not a value")
             self._check_once(path, value)
             for key, item in value.items():
@@ -151,7 +153,7 @@ class Settings(NotebookCard, param.Parameterized):
         try:
             setattr(owner, name, _accept(type(owner).param[name], value))
         except (ValueError, TypeError, OverflowError) as error:
-            raise _refused(path, value, owner.param[name], error) from error
+            raise _refused_error(path, value, owner.param[name], error) from error
 
     def set_text(self, path: str, text: str) -> None:
         """Set the value at a dotted path from a text, which its declaration reads (`setting_text`).
@@ -163,13 +165,13 @@ class Settings(NotebookCard, param.Parameterized):
         """
         if len(path) > MAX_PATH:
             raise UnknownSettingError(
-                f"{_show(path)}: there is no setting with a name of {len(path)} characters"
+                f"{_format_value(path)}: there is no setting with a name of {len(path)} characters"
             )
         declaration = self.declaration(path)
         try:
             value = value_of(declaration, text.strip())
         except ValueError as error:
-            raise _refused(path, text, declaration, error) from error
+            raise _refused_error(path, text, declaration, error) from error
         self.set(path, value)
 
     def set_texts(self, assignments: Sequence[str]) -> None:
@@ -188,8 +190,8 @@ class Settings(NotebookCard, param.Parameterized):
         """Return all settings as nested plain dictionaries, ready for TOML, without the unset (None) ones."""
         out: dict[str, Any] = {}
         groups = self.groups()
-        for name in _declared(type(self)):
-            value = groups[name].to_dict() if name in groups else _plain(getattr(self, name))
+        for name in _declared_names(type(self)):
+            value = groups[name].to_dict() if name in groups else _to_plain(getattr(self, name))
             if value is not None:
                 out[name] = value
         return out
@@ -218,7 +220,7 @@ class Settings(NotebookCard, param.Parameterized):
         # Only differences, because setting a parameter is far slower than reading it, and notifies every
         # watcher.
         cls = type(self)
-        for name in _declared(cls):
+        for name in _declared_names(cls):
             mine, value = getattr(self, name), getattr(other, name)
             if _is_group(cls, name):
                 mine._accept(value)
@@ -250,15 +252,15 @@ class Settings(NotebookCard, param.Parameterized):
         *heads, name = path.split(".")
         walked = ""
         for head in heads:
-            if head not in _declared(type(owner)):
-                raise UnknownSettingError(_unknown(path, head, walked, owner))
+            if head not in _declared_names(type(owner)):
+                raise UnknownSettingError(_unknown_name_message(path, head, walked, owner))
             if not _is_group(type(owner), head):
                 raise UnknownSettingError(
                     f"{path}: {walked}{head} is a single setting, with nothing inside it"
                 )
             owner, walked = getattr(owner, head), f"{walked}{head}."
-        if name not in _declared(type(owner)):
-            raise UnknownSettingError(_unknown(path, name, walked, owner))
+        if name not in _declared_names(type(owner)):
+            raise UnknownSettingError(_unknown_name_message(path, name, walked, owner))
         return owner, name
 
 
@@ -275,7 +277,7 @@ _NAMES: dict[type[Settings], tuple[str, ...]] = {}
 _GROUPS: dict[type[Settings], frozenset[str]] = {}
 
 
-def _declared(cls: type[Settings]) -> tuple[str, ...]:
+def _declared_names(cls: type[Settings]) -> tuple[str, ...]:
     if cls not in _NAMES:
         _NAMES[cls] = tuple(name for name in cls.param.objects("existing") if name != "name")
     return _NAMES[cls]
@@ -283,7 +285,7 @@ def _declared(cls: type[Settings]) -> tuple[str, ...]:
 
 def _is_group(cls: type[Settings], name: str) -> bool:
     if cls not in _GROUPS:
-        kinds = {name: getattr(cls.param[name], "class_", None) for name in _declared(cls)}
+        kinds = {name: getattr(cls.param[name], "class_", None) for name in _declared_names(cls)}
         _GROUPS[cls] = frozenset(
             name for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Settings)
         )
@@ -293,7 +295,7 @@ def _is_group(cls: type[Settings], name: str) -> bool:
 def _assignment(text: str) -> tuple[str, str]:
     path, sign, value = (part.strip() for part in text.partition("="))
     if not sign or not path:
-        raise SettingError(f"{_show(text)}: expected path=value, such as sensors.gps.period=0.5")
+        raise SettingError(f"{_format_value(text)}: expected path=value, such as sensors.gps.period=0.5")
     return path, value
 
 
@@ -307,21 +309,23 @@ def _accept(parameter: param.Parameter, value: Any) -> Any:
     return value
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_to_plain(item) for item in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _refused(path: str, value: Any, declaration: param.Parameter, error: Exception) -> RefusedValueError:
+def _refused_error(
+    path: str, value: Any, declaration: param.Parameter, error: Exception
+) -> RefusedValueError:
     reason = _reason(error)
     return RefusedValueError(
-        f"{path} = {_show(value)}: not accepted; accepted is {describe(declaration)}."
+        f"{path} = {_format_value(value)}: not accepted; accepted is {describe(declaration)}."
         f"{f' ({reason})' if reason else ''}"
     )
 
 
-def _show(value: Any) -> str:
+def _format_value(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
 
@@ -332,8 +336,8 @@ def _reason(error: Exception) -> str:
     return "" if " parameter '" in first or "not supported between" in first else first
 
 
-def _unknown(path: str, key: str, walked: str, owner: Settings) -> str:
-    names = _declared(type(owner))
+def _unknown_name_message(path: str, key: str, walked: str, owner: Settings) -> str:
+    names = _declared_names(type(owner))
     close = difflib.get_close_matches(key, names, n=1) or [name for name in names if key and key in name]
     inside = [f"{walked}{leaf}" for leaf, _, name in owner.leaves() if name == key]
     hint = f" Did you mean {walked}{close[0]}?" if close else ""

@@ -75,20 +75,20 @@ def toml_text(values: Mapping[str, Any], *, inline: bool = False) -> str:
 
     def table(value: Mapping[str, Any]) -> Any:
         found = tomlkit.inline_table()
-        found.update({key: written(item) for key, item in value.items()})
+        found.update({key: write_value(item) for key, item in value.items()})
         return found
 
-    def written(value: Any) -> Any:
+    def write_value(value: Any) -> Any:
         if isinstance(value, str):
             # A carriage return within a multi-line string would be read as the end of a line.
             return tomlkit.string(value, multiline="\n" in value and "\r" not in value and not inline)
         if isinstance(value, Mapping) and inline:
             return table(value)
         if isinstance(value, Mapping):
-            return {key: written(item) for key, item in value.items()}
-        return [written(item) for item in value] if isinstance(value, list | tuple) else value
+            return {key: write_value(item) for key, item in value.items()}
+        return [write_value(item) for item in value] if isinstance(value, list | tuple) else value
 
-    return tomlkit.dumps({key: written(item) for key, item in values.items()})
+    return tomlkit.dumps({key: write_value(item) for key, item in values.items()})
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -143,11 +143,11 @@ class Choice:
         offered = f"{self.question} Accepted are: {', '.join(self.choices)}."
         if answer is None:
             return Outcome(None, offered)
-        word = _words(answer)
-        if word == _words(self.right):
+        word = _normalize_words(answer)
+        if word == _normalize_words(self.right):
             return Outcome(True, self.because)
         for mistake, hint in self.mistakes.items():
-            if word == _words(mistake):
+            if word == _normalize_words(mistake):
                 return Outcome(False, hint)
         return Outcome(False, offered)
 
@@ -159,7 +159,7 @@ class Choice:
 Exercise = Number | Choice
 
 
-def _single(answer: object) -> object:
+def _unwrap_single(answer: object) -> object:
     """Return the only element of an array, DataArray, list or tuple; anything else unchanged."""
     if isinstance(answer, (list, tuple)) and len(answer) == 1:
         answer = answer[0]
@@ -170,7 +170,7 @@ def _single(answer: object) -> object:
 
 def finite_number(answer: object) -> tuple[float, str]:
     """Return an answer as a number, and the unit behind it; NaN if it is none, not finite, or too large."""
-    single, unit = _single(answer), ""
+    single, unit = _unwrap_single(answer), ""
     if isinstance(single, str) and len(single) <= LONGEST and (found := _NUMBER.fullmatch(single.strip())):
         single, unit = float(found[1]), found[2]
     if isinstance(single, bool) or not isinstance(single, (Real, Decimal)):
@@ -182,9 +182,9 @@ def finite_number(answer: object) -> tuple[float, str]:
     return (value if math.isfinite(value) else math.nan), unit
 
 
-def _words(answer: object) -> frozenset[str]:
+def _normalize_words(answer: object) -> frozenset[str]:
     """Return the names of an answer, without their order, case, articles, hyphens and plural."""
-    names = answer if isinstance(answer, (list, tuple)) else [_single(answer)]
+    names = answer if isinstance(answer, (list, tuple)) else [_unwrap_single(answer)]
     text = " and ".join(name[:LONGEST] for name in names[:LONGEST] if isinstance(name, str))
     words = (_BETWEEN_WORDS.sub(" ", part.strip(" .\t\n")) for part in _BETWEEN_NAMES.split(text.casefold()))
     return frozenset(_ARTICLE.sub("", word).removesuffix("s") for word in words)

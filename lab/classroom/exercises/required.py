@@ -50,7 +50,7 @@ def require(result: Result, condition: str, hint: str = "") -> None:
     if parsed.accepts(result):
         return
     values = (
-        f"{name} is {_shown(QUANTITIES[name].of(result), QUANTITIES[name].unit)}"
+        f"{name} is {_format_value(QUANTITIES[name].of(result), QUANTITIES[name].unit)}"
         for name in parsed.quantities
     )
     raise NotRightError(
@@ -104,7 +104,7 @@ def require_close(answer: object, right: float, tolerance: float, hint: str = ""
         raise NotRightError(hint or "the number is not right yet")
 
 
-def _shown(value: float, unit: str) -> str:
+def _format_value(value: float, unit: str) -> str:
     return "unknown" if math.isnan(value) else f"{value:.3g} {unit}".rstrip()
 
 

@@ -34,7 +34,7 @@ def degrees_for_radians(increments: FloatArray, _truth: Truth, _dt: float) -> Fl
     return np.degrees(increments)
 
 
-def swapped(increments: FloatArray, _truth: Truth, _dt: float) -> FloatArray:
+def swap_axes(increments: FloatArray, _truth: Truth, _dt: float) -> FloatArray:
     """Return the increments with x and y exchanged."""
     return increments[:, X_AND_Y_SWAPPED]
 
@@ -119,7 +119,7 @@ class Fault:
         return GpsFixes(stamps[order], *(array[order] for array in fixes[1:]))
 
 
-def jittered(stamps: FloatArray, seed: int) -> FloatArray:
+def jitter_stamps(stamps: FloatArray, seed: int) -> FloatArray:
     """Return time stamps (m,) with independent errors of σ `JITTER`, none outside the span of the fixes."""
     errors = JITTER * unit_draws(seed, "gallery.stamps", stamps.shape)
     return np.clip(stamps + errors, stamps[0], stamps[-1])
@@ -128,12 +128,12 @@ def jittered(stamps: FloatArray, seed: int) -> FloatArray:
 FAULTS: dict[str, Fault] = {
     "gravity": Fault("the sign of gravity", accelerometer=gravity_upwards),
     "degrees": Fault("degrees for radians", gyro=degrees_for_radians),
-    "axes": Fault("two axes swapped", gyro=swapped, accelerometer=swapped),
+    "axes": Fault("two axes swapped", gyro=swap_axes, accelerometer=swap_axes),
     "lever_arm": Fault("a lever arm forgotten", sensors={"gps.lever_arm": LEVER_ARM}),
     "latency": Fault("fixes that come late", sensors={"gps.latency": LATE}),
     "r": Fault("R ten times too small", r_factor=R_FACTOR),
     "coloured": Fault("coloured GPS noise", sensors={"gps.correlated_sigma": COLOURED}),
-    "jitter": Fault("jitter of the time stamps", stamps=jittered),
+    "jitter": Fault("jitter of the time stamps", stamps=jitter_stamps),
     "earth_rate": Fault(
         "the Earth's rate left out",
         gyro=without_earth_rate,

@@ -20,7 +20,7 @@ from lab.classroom.homework.grading import (
     Handed,
     Row,
     figure_column,
-    unguarded,
+    unguard_cell,
 )
 from lab.classroom.homework.homework import Homework
 from lab.classroom.homework.homework_file import Keyed
@@ -73,21 +73,21 @@ def feedback_text(row: Row, homework: Homework) -> str:
     homework
         The homework.
     """
-    lines = [homework.title, f"File: {unguarded(row['file'])}"]
+    lines = [homework.title, f"File: {unguard_cell(row['file'])}"]
     if row["status"] == REFUSED:
-        return "\n".join([*lines, "", f"This file was not graded: it {unguarded(row['remark'])}.", ""])
+        return "\n".join([*lines, "", f"This file was not graded: it {unguard_cell(row['remark'])}.", ""])
     if row["status"] not in (GRADED, NOT_RUN):
-        return "\n".join([*lines, "", f"This export was run again: {unguarded(row['remark'])}.", ""])
-    lines += [f"Name: {unguarded(row['name'])}", f"Points: {row['points']} of {row['of']}", ""]
+        return "\n".join([*lines, "", f"This export was run again: {unguard_cell(row['remark'])}.", ""])
+    lines += [f"Name: {unguard_cell(row['name'])}", f"Points: {row['points']} of {row['of']}", ""]
     if homework.names_faults:
-        named = unguarded(row["faults_named"]) or "none"
+        named = unguard_cell(row["faults_named"]) or "none"
         lines += [
             f"Hidden faults: {row['faults_points']} of {homework.fault_points:g} points",
             f"  You named: {named}",
             f"  Right: {row['faults_right']}, wrong: {row['faults_wrong']}, missed: {row['faults_missed']}",
         ]
     for number, question in enumerate(homework.questions, 1):
-        answer, won = unguarded(row[f"answer_{number}"]), float(row[f"answer_points_{number}"])
+        answer, won = unguard_cell(row[f"answer_{number}"]), float(row[f"answer_points_{number}"])
         found = "right" if won else "not right" if answer else "no answer"
         if not question.points:
             found = "no points are given for it"
@@ -103,12 +103,12 @@ def feedback_text(row: Row, homework: Homework) -> str:
             f"Goal {number}: {won:g} of {goal.points:g} points",
             f" {words or ' A condition on the result.'}{reached}",
         ]
-    lines += ["", f"Your settings: {unguarded(row['settings']) or 'as in the homework'}"]
+    lines += ["", f"Your settings: {unguard_cell(row['settings']) or 'as in the homework'}"]
     figures = [(figure_column(name), row[figure_column(name)]) for name in FIGURES]
     if row["status"] == NOT_RUN:
-        lines += [f"They were not run: {unguarded(row['remark'])}."]
+        lines += [f"They were not run: {unguard_cell(row['remark'])}."]
     else:
         lines += ["Their run gave:", *(f"  {name}: {value or 'unknown'}" for name, value in figures)]
         if row["remark"]:
-            lines += [f"Remark: {unguarded(row['remark'])}."]
+            lines += [f"Remark: {unguard_cell(row['remark'])}."]
     return "\n".join([*lines, ""])

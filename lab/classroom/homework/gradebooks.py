@@ -12,9 +12,9 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from lab.classroom.homework.grading import GRADED, NOT_RUN, Row, text_cell, unguarded
+from lab.classroom.homework.grading import GRADED, NOT_RUN, Row, text_cell, unguard_cell
 from lab.classroom.homework.roster import CANVAS, MOODLE, Roster, RosterError
-from lab.classroom.homework.variant import folded
+from lab.classroom.homework.variant import fold_name
 
 _OF_MOODLE = (
     "Identifier",
@@ -59,7 +59,7 @@ class Points(NamedTuple):
     remarks: list[str]
 
 
-def points_of(rows: Iterable[Row], roster: Roster) -> Points:
+def collect_points(rows: Iterable[Row], roster: Roster) -> Points:
     """Return the points of each student of a roster who handed in once.
 
     Parameters
@@ -72,17 +72,17 @@ def points_of(rows: Iterable[Row], roster: Roster) -> Points:
     handed: dict[str, list[Row]] = {}
     for row in rows:
         if row["status"] in (GRADED, NOT_RUN):
-            handed.setdefault(folded(unguarded(row["name"])), []).append(row)
+            handed.setdefault(fold_name(unguard_cell(row["name"])), []).append(row)
     known, found, remarks = roster.by_name(), {}, list[str]()
-    twice = {folded(name) for name in roster.same_names()}
+    twice = {fold_name(name) for name in roster.same_names()}
     for name, theirs in handed.items():
-        shown = unguarded(theirs[0]["name"])
+        shown = unguard_cell(theirs[0]["name"])
         if name in twice:
             remarks.append(f"{shown}: the roster has this name more than once; enter the points by hand")
         elif name not in known:
             remarks.append(f"{shown}: is not in the roster; compare the spelling")
         elif len(theirs) > 1:
-            files = ", ".join(unguarded(row["file"]) for row in theirs)
+            files = ", ".join(unguard_cell(row["file"]) for row in theirs)
             remarks.append(
                 f"{shown}: handed in {len(theirs)} files, {files}; leave one of them in the folder"
             )
@@ -116,7 +116,7 @@ def moodle_text(roster: Roster, points: Points, title: str) -> str:
     is_worksheet = {"Identifier", GRADE, _MODIFIED} <= set(roster.headings)
     if is_worksheet:
         return _csv(roster.headings, roster, points, GRADE, ())
-    return _csv((*_kept(roster, _OF_MOODLE), text_cell(title)), roster, points, text_cell(title), ())
+    return _csv((*_find_headings(roster, _OF_MOODLE), text_cell(title)), roster, points, text_cell(title), ())
 
 
 def canvas_text(roster: Roster, points: Points, title: str, best: float) -> str:
@@ -143,19 +143,19 @@ def canvas_text(roster: Roster, points: Points, title: str, best: float) -> str:
             f"is a roster of {roster.kind}; accepted for Canvas is the gradebook that it exported, with "
             "Student, ID and Section"
         )
-    heading = text_cell(assignment_of(roster, title))
-    headings = (*_kept(roster, _OF_CANVAS), heading)
+    heading = text_cell(find_assignment(roster, title))
+    headings = (*_find_headings(roster, _OF_CANVAS), heading)
     possible = ["    Points Possible", *("",) * (len(headings) - 2), f"{best:.6g}"]
     return _csv(headings, roster, points, heading, (possible,))
 
 
-def assignment_of(roster: Roster, title: str) -> str:
+def find_assignment(roster: Roster, title: str) -> str:
     """Return the heading of an assignment in a gradebook of Canvas: the title, with its number if known."""
     alike = [one for one in roster.headings if one == title or one.rpartition(" (")[0] == title]
     return alike[0] if len(alike) == 1 else title
 
 
-def _kept(roster: Roster, wanted: Sequence[str]) -> list[str]:
+def _find_headings(roster: Roster, wanted: Sequence[str]) -> list[str]:
     return [heading for heading in roster.headings if heading in wanted]
 
 
@@ -168,7 +168,7 @@ def _csv(
     writer.writerow(headings)
     writer.writerows(first)
     for student in roster.students:
-        own = points.by_name.get(folded(student.name))
+        own = points.by_name.get(fold_name(student.name))
         writer.writerow(
             own if heading == where and own is not None else _cell(student.cells.get(heading, ""))
             for heading in headings

@@ -25,7 +25,7 @@ from lab.classroom.homework.exported_run import ENDINGS, Repeated, repeat
 from lab.classroom.homework.hand_in import DEEPEST, HandIn, HandInError, open_hand_in, read_hand_in
 from lab.classroom.homework.homework import Judge
 from lab.classroom.homework.homework_file import Keyed
-from lab.classroom.homework.variant import tag_of
+from lab.classroom.homework.variant import variant_tag
 from lab.classroom.lessons.quantities import QUANTITIES
 
 MOST_FILES = 2000
@@ -57,7 +57,7 @@ class Handed(NamedTuple):
     name: str
 
 
-def files_of(folder: Path, leave_out: Iterable[Path] = ()) -> list[Handed]:
+def list_files(folder: Path, leave_out: Iterable[Path] = ()) -> list[Handed]:
     """Return the files of a folder and of the folders in it, in the order of their names.
 
     Files whose names begin with a point are left out: those of the system. Links are in the list, so that
@@ -131,7 +131,7 @@ def grade(
     """
     repeating = repeating or (lambda path: repeat(keyed, path, FIGURES))
     opened = [_open(file, keyed) for file in files]
-    names = Counter(_folded(found.name) for found, _ in opened if isinstance(found, HandIn))
+    names = Counter(_fold_name(found.name) for found, _ in opened if isinstance(found, HandIn))
     first: dict[str, str] = {}
     rows = []
     for number, (file, (found, mark)) in enumerate(zip(files, opened, strict=True)):
@@ -140,16 +140,16 @@ def grade(
         row = dict.fromkeys(columns(keyed.judge), "")
         row |= {"file": text_cell(file.name), "homework": keyed.homework.name}
         if isinstance(found, Path):
-            rows.append(row | _repeated(repeating(found)))
+            rows.append(row | _export_cells(repeating(found)))
             continue
         if isinstance(found, str):
             rows.append(row | {"status": REFUSED, "remark": text_cell(found)})
             continue
         original = first.setdefault(mark, file.name)
         remarks = [f"the same file as {original}"] if original != file.name else []
-        if names[_folded(found.name)] > 1 and not remarks:
+        if names[_fold_name(found.name)] > 1 and not remarks:
             remarks.append("this name is in several files")
-        rows.append(row | _graded(found, keyed.judge_for(found.name), remarks, examining))
+        rows.append(row | _grade_hand_in(found, keyed.judge_for(found.name), remarks, examining))
     return rows
 
 
@@ -166,7 +166,7 @@ def _open(file: Handed, keyed: Keyed) -> tuple[HandIn | Path | str, str]:
         return str(error), ""
 
 
-def _repeated(found: Repeated) -> Row:
+def _export_cells(found: Repeated) -> Row:
     """Return the cells of an export."""
     row = {figure_column(name): _figure(value) for name, value in found.figures.items()}
     settings = {path: value for path, value in found.changes.items() if path != "seed"}
@@ -179,7 +179,7 @@ def _repeated(found: Repeated) -> Row:
 
 def _check_variant(handed: HandIn, keyed: Keyed) -> None:
     """Raise `HandInError` if a hand-in is not of the variant of the student whose name it has."""
-    right = tag_of(keyed.key, handed.name) if keyed.varies else ""
+    right = variant_tag(keyed.key, handed.name) if keyed.varies else ""
     if handed.variant == right:
         return
     if not keyed.varies:
@@ -225,7 +225,7 @@ def text_cell(text: str) -> str:
     return f"'{plain}" if plain.lstrip().startswith(_FORMULA) else plain
 
 
-def unguarded(cell: str) -> str:
+def unguard_cell(cell: str) -> str:
     """Return the text of a cell that `text_cell` made."""
     return cell[1:] if cell.startswith("'") and cell[1:].lstrip().startswith(_FORMULA) else cell
 
@@ -234,7 +234,7 @@ def _one_line(text: str) -> str:
     return "".join(sign if sign.isprintable() else "�" for sign in text)
 
 
-def _graded(handed: HandIn, judge: Judge, remarks: list[str], examining: Examining) -> Row:
+def _grade_hand_in(handed: HandIn, judge: Judge, remarks: list[str], examining: Examining) -> Row:
     """Return the cells of a hand-in that could be opened."""
     homework = judge.homework
     row = {"name": text_cell(handed.name), "settings": text_cell(_assignments(handed.changes))}
@@ -290,7 +290,7 @@ def _value(value: Any) -> str:
     return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
-def _folded(name: str) -> str:
+def _fold_name(name: str) -> str:
     return name.casefold()
 
 

@@ -22,7 +22,7 @@ from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.toml_file import TomlError, parse_toml, toml_text
 from lab.classroom.homework.homework import LONGEST_ANSWER, Homework, fault_titles
 from lab.classroom.homework.sealing import SealError, TeacherKey, seal_for_teacher
-from lab.classroom.homework.variant import folded
+from lab.classroom.homework.variant import fold_name
 from lab.classroom.lessons.lesson import number_typed
 from lab.experiment.experiment import Experiment
 
@@ -100,7 +100,7 @@ def hand_in(
     SettingError
         If a setting was changed that the homework does not let a student change.
     """
-    if homework.student and folded(name) != folded(homework.student):
+    if homework.student and fold_name(name) != fold_name(homework.student):
         raise HandInError(
             f"has the name {name[:40]!r}, and this file is the homework of {homework.student}; accepted is "
             "this name, because the hidden values are those of one student"
@@ -122,7 +122,7 @@ def hand_in_text(homework: Homework, handed: HandIn) -> str:
         "faults": list(handed.faults),
         "answers": list(handed.answers),
         "changes": [
-            {"path": path, "value": _plain(value)}
+            {"path": path, "value": _to_plain(value)}
             for path, value in handed.changes.items()
             if value is not None
         ],
@@ -175,7 +175,7 @@ def open_hand_in(content: bytes, homework: Homework, key: TeacherKey) -> HandIn:
         raise HandInError(str(error)) from error
     except (binascii.Error, TypeError, ValueError) as error:
         raise HandInError("is damaged; accepted is the file as the lab wrote it") from error
-    return _checked(homework, _handed(opened))
+    return _checked(homework, _make_hand_in(opened))
 
 
 def read_hand_in(path: Path) -> bytes:
@@ -218,7 +218,7 @@ def _tables(content: bytes) -> dict[str, Any]:
         raise HandInError(f"is not a hand-in: {error}") from error
 
 
-def _handed(tables: Mapping[str, Any]) -> HandIn:
+def _make_hand_in(tables: Mapping[str, Any]) -> HandIn:
     """Return what the tables of an opened hand-in say, with the right types."""
     name, faults, answers = (tables.get(key) for key in ("name", "faults", "answers"))
     changes, unset = tables.get("changes", []), tables.get("unset", [])
@@ -276,8 +276,8 @@ def _checked(homework: Homework, handed: HandIn) -> HandIn:
     return replace(handed, name=name, faults=tuple(sorted(set(handed.faults))))
 
 
-def _plain(value: Any) -> Any:
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+def _to_plain(value: Any) -> Any:
+    return [_to_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _context(name: str) -> str:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from lab.classroom.homework.grading import text_cell
 from lab.classroom.homework.hand_in import LONGEST_NAME
 from lab.classroom.homework.homework_file import Keyed
-from lab.classroom.homework.variant import folded
+from lab.classroom.homework.variant import fold_name
 from lab.classroom.lessons.fields import LessonError
 
 LINKS = "links.csv"
@@ -52,10 +52,10 @@ def handed_out(keyed: Keyed, students: Sequence[str]) -> list[HandedOut]:
             raise LessonError(
                 f"{name[:40]!r}: accepted are names of 1 to {LONGEST_NAME} printable characters"
             )
-        if folded(name) in names:
+        if fold_name(name) in names:
             raise LessonError(f"{name}: is there twice; accepted are different names")
-        names.add(folded(name))
-        file = _free(_plain(name), files)
+        names.add(fold_name(name))
+        file = _choose_free_name(_plain_name(name), files)
         files.add(file.casefold())
         found.append(HandedOut(name, file, f"?homework={keyed.judge_for(name).homework.link}"))
     return found
@@ -70,13 +70,13 @@ def links_text(made: Sequence[HandedOut]) -> str:
     return buffer.getvalue()
 
 
-def _plain(name: str) -> str:
+def _plain_name(name: str) -> str:
     """Return a name for a file: letters and digits of any script, and underlines between words."""
     words = "".join(sign if sign.isalnum() or sign in "-" else " " for sign in name).split()
     return "_".join(words).strip("-")[:_LONGEST_FILE] or "student"
 
 
-def _free(name: str, taken: set[str]) -> str:
+def _choose_free_name(name: str, taken: set[str]) -> str:
     file, number = f"{name}.homework", 1
     while file.casefold() in taken:
         number += 1

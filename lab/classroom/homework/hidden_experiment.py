@@ -142,9 +142,9 @@ class _HiddenStages(Stages):
         """Compute the stages in order."""
         plain = super().result()
         values = {one.name: getattr(plain, one.name) for one in fields(plain)}
-        return HiddenResult(**values, actual=self._actual())
+        return HiddenResult(**values, actual=self._real_sensors())
 
-    def _actual(self) -> Experiment:
+    def _real_sensors(self) -> Experiment:
         """Return the real sensors, with what the filter assumes of lever arm and latency as a number."""
         actual, navigator, receiver = self._real.experiment.copy(), self.navigator, self.sensors.gps
         actual.set("navigator", navigator.to_dict())
@@ -156,7 +156,7 @@ class _HiddenStages(Stages):
     def begin(self, truth: Truth) -> Aligned:
         """Return the start of the navigator: its true error is that of the homework."""
         real, nothing = self._real.experiment, np.zeros(3)
-        return rest_alignment.begin(
+        return rest_alignment.align_simulated(
             start(truth, real.navigator, real.seed),
             Start.off(truth, nothing, nothing, nothing),
             self.sensors,

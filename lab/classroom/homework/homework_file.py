@@ -30,7 +30,7 @@ from lab.classroom.homework.sealing import (
     cover,
     uncover,
 )
-from lab.classroom.homework.source_file import judge_of
+from lab.classroom.homework.source_file import make_judge
 from lab.classroom.lessons.fields import LessonError
 
 FORMAT = "ins-lab homework 1"
@@ -84,8 +84,8 @@ class Keyed:
             return self.judge
         name = " ".join(unicodedata.normalize("NFC", student).split())
         tables = variant.tables_of(parse_toml(self.source), self.key, name)
-        judge = judge_of(tables, self.key.public, self.seed)
-        homework = replace(judge.homework, student=name, variant=variant.tag_of(self.key, name))
+        judge = make_judge(tables, self.key.public, self.seed)
+        homework = replace(judge.homework, student=name, variant=variant.variant_tag(self.key, name))
         return replace(judge, homework=homework)
 
 
@@ -100,24 +100,24 @@ def make_homework(source: Path) -> Keyed:
         If cryptography is not installed.
     """
     check_installed()
-    text, key = _bounded(source), TeacherKey.new()
-    made = _keyed(key, secrets.randbelow(SEEDS), text, source.name)
+    text, key = _read_bounded(source), TeacherKey.new()
+    made = _make_keyed(key, secrets.randbelow(SEEDS), text, source.name)
     if made.varies:
         try:
             for tables in variant.extremes(parse_toml(text)):
-                judge_of(tables, key.public, made.seed)
+                make_judge(tables, key.public, made.seed)
         except LessonError as error:
             raise LessonError(f"{source.name}: {error}") from error
     return made
 
 
-def _keyed(key: TeacherKey, seed: int, source: str, name: str) -> Keyed:
+def _make_keyed(key: TeacherKey, seed: int, source: str, name: str) -> Keyed:
     try:
         tables = parse_toml(source)
         varies = variant.has_variants(tables)
         if varies:
             tables = variant.tables_of(tables, key, "")
-        return Keyed(key, seed, source, judge_of(tables, key.public, seed), varies)
+        return Keyed(key, seed, source, make_judge(tables, key.public, seed), varies)
     except (TomlError, LessonError) as error:
         raise LessonError(f"{name}: {error}") from error
 
@@ -166,13 +166,13 @@ def read_homework(path: Path) -> Homework:
     """
     check_installed()
     try:
-        return _opened(_bounded(path))
+        return _open_homework(_read_bounded(path))
     except (TomlError, SealError, LessonError, UnicodeDecodeError) as error:
-        message = str(error).removeprefix(f"{_named(path)}: ")
-        raise LessonError(f"{_named(path)}: {message}") from error
+        message = str(error).removeprefix(f"{_file_name(path)}: ")
+        raise LessonError(f"{_file_name(path)}: {message}") from error
 
 
-def _opened(text: str) -> Homework:
+def _open_homework(text: str) -> Homework:
     first, _, body = text.partition("\n")
     tables = parse_toml(text)
     if tables.get("format") != FORMAT or not first.startswith("signature"):
@@ -189,21 +189,21 @@ def _opened(text: str) -> Homework:
         **{key: tables[key] for key in _SHOWN if key in tables},
         "hidden": hidden,
         # The checks of a source need solutions, which are in the key only; these are not used.
-        "question": [_solved(one) for one in _listed(tables, "question")],
-        "goal": [{**one, "condition": "nees < 1"} for one in _listed(tables, "goal")],
+        "question": [_solve_question(one) for one in _list_questions(tables, "question")],
+        "goal": [{**one, "condition": "nees < 1"} for one in _list_questions(tables, "goal")],
     }
     student, tag = (tables.get(name, "") for name in ("student", "variant"))
     if not isinstance(student, str) or not isinstance(tag, str) or not student.isprintable():
         raise LessonError("student, variant: are damaged; accepted is the original file")
-    return replace(judge_of(source, public, 0).homework, student=student, variant=tag)
+    return replace(make_judge(source, public, 0).homework, student=student, variant=tag)
 
 
-def _listed(tables: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+def _list_questions(tables: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     found = tables.get(key, [])
     return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
 
 
-def _solved(question: Mapping[str, Any]) -> Mapping[str, Any]:
+def _solve_question(question: Mapping[str, Any]) -> Mapping[str, Any]:
     choices = question.get("choices")
     if isinstance(choices, list) and choices:
         return {**question, "answer": choices[0]}
@@ -249,10 +249,10 @@ def read_key(path: Path) -> Keyed:
         If cryptography is not installed.
     """
     try:
-        return parse_key(_bounded(path))
+        return parse_key(_read_bounded(path))
     except (TomlError, LessonError) as error:
-        message = str(error).removeprefix(f"{_named(path)}: ")
-        raise LessonError(f"{_named(path)}: {message}") from error
+        message = str(error).removeprefix(f"{_file_name(path)}: ")
+        raise LessonError(f"{_file_name(path)}: {message}") from error
 
 
 def parse_key(text: str) -> Keyed:
@@ -272,7 +272,7 @@ def parse_key(text: str) -> Keyed:
     secret, seed, source = (tables.get(name) for name in ("secret", "seed", "source"))
     if not (isinstance(secret, str) and isinstance(seed, int) and isinstance(source, str)):
         raise LessonError("is a damaged key; accepted is one with secret, seed and source")
-    return _keyed(TeacherKey(_secret(secret)), seed, source, "source")
+    return _make_keyed(TeacherKey(_secret(secret)), seed, source, "source")
 
 
 def _secret(text: str) -> bytes:
@@ -285,22 +285,24 @@ def _secret(text: str) -> bytes:
     return secret
 
 
-def _bounded(path: Path) -> str:
+def _read_bounded(path: Path) -> str:
     try:
         size = path.stat().st_size
     except OSError as error:
-        raise LessonError(f"{_named(path)}: cannot be read: {error.strerror or error}") from error
+        raise LessonError(f"{_file_name(path)}: cannot be read: {error.strerror or error}") from error
     except ValueError as error:  # such as a name with a zero in it
-        raise LessonError(f"{_named(path)}: cannot be read: {error}") from error
+        raise LessonError(f"{_file_name(path)}: cannot be read: {error}") from error
     if size > LARGEST:
-        raise LessonError(f"{_named(path)}: has {size} bytes; accepted are files up to {LARGEST // 1000} kB")
+        raise LessonError(
+            f"{_file_name(path)}: has {size} bytes; accepted are files up to {LARGEST // 1000} kB"
+        )
     try:
         return read_text(path)
     except TomlError as error:
-        raise LessonError(f"{_named(path)}: {error}") from error
+        raise LessonError(f"{_file_name(path)}: {error}") from error
 
 
-def _named(path: Path) -> str:
+def _file_name(path: Path) -> str:
     return path.name or str(path)  # a point has no name
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lab.classroom.homework.hand_in import LONGEST_NAME
-from lab.classroom.homework.variant import folded
+from lab.classroom.homework.variant import fold_name
 
 CANVAS, MOODLE, NAMES = "Canvas", "Moodle", "names"
 """Where a roster comes from; the last one for a list of names that neither of them wrote."""
@@ -78,17 +78,17 @@ class Roster(NamedTuple):
     students: tuple[Student, ...]
 
     def by_name(self) -> dict[str, Student]:
-        """Return the students by their names as `lab.classroom.homework.variant.folded` compares them.
+        """Return the students by their names as `lab.classroom.homework.variant.fold_name` compares them.
 
         Names that two students have are left out.
         """
-        count = Counter(folded(student.name) for student in self.students)
-        return {folded(one.name): one for one in self.students if count[folded(one.name)] == 1}
+        count = Counter(fold_name(student.name) for student in self.students)
+        return {fold_name(one.name): one for one in self.students if count[fold_name(one.name)] == 1}
 
     def same_names(self) -> list[str]:
         """Return the names that more than one student has."""
-        count = Counter(folded(student.name) for student in self.students)
-        return sorted({one.name for one in self.students if count[folded(one.name)] > 1})
+        count = Counter(fold_name(student.name) for student in self.students)
+        return sorted({one.name for one in self.students if count[fold_name(one.name)] > 1})
 
 
 def read_roster(path: Path) -> Roster:
@@ -138,7 +138,7 @@ def roster_of(text: str) -> Roster:
         if len(row) > len(headings):
             raise RosterError(f"line {number} has {len(row)} cells, and there are {len(headings)} headings")
         cells = dict(zip(headings, (*row, *("",) * (len(headings) - len(row))), strict=True))
-        written = _written(row, known)
+        written = _format_name(row, known)
         if not written or (kind == CANVAS and _is_no_student(written)):
             continue
         name = " ".join(written.split())
@@ -168,7 +168,7 @@ def _kind(known: Mapping[str, int]) -> str:
     return NAMES
 
 
-def _written(row: list[str], known: Mapping[str, int]) -> str:
+def _format_name(row: list[str], known: Mapping[str, int]) -> str:
     """Return the name in a row, the given name first; empty if there is none."""
 
     def cell(names: tuple[str, ...]) -> str:
@@ -184,4 +184,4 @@ def _written(row: list[str], known: Mapping[str, int]) -> str:
 
 
 def _is_no_student(written: str) -> bool:
-    return folded(written) in (_POINTS_POSSIBLE, *_TEST_STUDENT)
+    return fold_name(written) in (_POINTS_POSSIBLE, *_TEST_STUDENT)

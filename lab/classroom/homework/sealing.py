@@ -72,7 +72,7 @@ class TeacherKey:
     @property
     def name(self) -> str:
         """The name of the homework."""
-        return name_of(self.public)
+        return name_of_keys(self.public)
 
     def sign(self, content: bytes) -> bytes:
         """Return the signature of a content."""
@@ -93,7 +93,7 @@ class TeacherKey:
         sender, nonce = sealed[:_POINT], sealed[_POINT : _POINT + _NONCE]
         try:
             shared = self._opening.exchange(X25519PublicKey.from_public_bytes(sender))
-            key = _derived(shared, sender + self.public, context)
+            key = _derive_key(shared, sender + self.public, context)
             return ChaCha20Poly1305(key).decrypt(nonce, sealed[_POINT + _NONCE :], context.encode())
         except (InvalidTag, ValueError) as error:
             raise SealError("is sealed for another key, or has been changed since") from error
@@ -112,22 +112,22 @@ class TeacherKey:
 
     @cached_property
     def _varying(self) -> bytes:
-        return _derived(self.secret, b"", "variants of a homework")
+        return _derive_key(self.secret, b"", "variants of a homework")
 
     @cached_property
     def _signing(self) -> Ed25519PrivateKey:
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey  # noqa: PLC0415
 
-        return Ed25519PrivateKey.from_private_bytes(_derived(self.secret, b"", "signature of a homework"))
+        return Ed25519PrivateKey.from_private_bytes(_derive_key(self.secret, b"", "signature of a homework"))
 
     @cached_property
     def _opening(self) -> X25519PrivateKey:
         from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey  # noqa: PLC0415
 
-        return X25519PrivateKey.from_private_bytes(_derived(self.secret, b"", "hand-ins of a homework"))
+        return X25519PrivateKey.from_private_bytes(_derive_key(self.secret, b"", "hand-ins of a homework"))
 
 
-def name_of(public: bytes) -> str:
+def name_of_keys(public: bytes) -> str:
     """Return the name of the homework with these public keys: `NAME` hexadecimal digits."""
     return hashlib.sha256(public).hexdigest()[:NAME]
 
@@ -154,7 +154,7 @@ def seal_for_teacher(public: bytes, content: bytes, context: str) -> bytes:
     own = X25519PrivateKey.generate()
     receiver: X25519PublicKey = X25519PublicKey.from_public_bytes(public[_POINT:])
     sender, nonce = own.public_key().public_bytes_raw(), secrets.token_bytes(_NONCE)
-    key = _derived(own.exchange(receiver), sender + public, context)
+    key = _derive_key(own.exchange(receiver), sender + public, context)
     return sender + nonce + ChaCha20Poly1305(key).encrypt(nonce, content, context.encode())
 
 
@@ -163,7 +163,7 @@ def cover(public: bytes, content: bytes) -> bytes:
     from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305  # noqa: PLC0415 - optional
 
     nonce = secrets.token_bytes(_NONCE)
-    key = _derived(public, nonce, "hidden settings of a homework")
+    key = _derive_key(public, nonce, "hidden settings of a homework")
     return nonce + ChaCha20Poly1305(key).encrypt(nonce, content, public)
 
 
@@ -180,13 +180,13 @@ def uncover(public: bytes, covered: bytes) -> bytes:
 
     nonce = covered[:_NONCE]
     try:
-        key = _derived(public, nonce, "hidden settings of a homework")
+        key = _derive_key(public, nonce, "hidden settings of a homework")
         return ChaCha20Poly1305(key).decrypt(nonce, covered[_NONCE:], public)
     except (InvalidTag, ValueError) as error:
         raise SealError("has hidden settings that cannot be opened; accepted is the original") from error
 
 
-def _derived(secret: bytes, salt: bytes, purpose: str) -> bytes:
+def _derive_key(secret: bytes, salt: bytes, purpose: str) -> bytes:
     """Return a key of 32 bytes for one purpose (HKDF, RFC 5869)."""
     from cryptography.hazmat.primitives.hashes import SHA256  # noqa: PLC0415 - optional
     from cryptography.hazmat.primitives.kdf.hkdf import HKDF  # noqa: PLC0415

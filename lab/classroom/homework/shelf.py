@@ -15,7 +15,7 @@ from lab.classroom.homework.hand_in import LONGEST_NAME
 from lab.classroom.homework.homework import Homework
 from lab.classroom.homework.homework_file import Keyed, read_key
 from lab.classroom.homework.sealing import SealError
-from lab.classroom.homework.variant import tag_of
+from lab.classroom.homework.variant import variant_tag
 from lab.classroom.lessons.catalogue import Stamp, files_in
 from lab.classroom.lessons.fields import LessonError
 
@@ -124,6 +124,6 @@ def _variant(keyed: Keyed, rest: str) -> Homework | None:
         return None
     if not 0 < len(student) <= LONGEST_NAME or not student.isprintable():
         return None
-    if not hmac.compare_digest(tag.encode(), tag_of(keyed.key, student).encode()):
+    if not hmac.compare_digest(tag.encode(), variant_tag(keyed.key, student).encode()):
         return None
     return keyed.judge_for(student).homework

@@ -47,7 +47,7 @@ def solutions_html(keyed: Keyed, students: Sequence[str] = ()) -> str:
         f"<p>Homework {escape(homework.name)}, {homework.best:g} points. For teachers only.</p>",
         text_html(homework.text),
         "<h2>What is hidden</h2>",
-        _hidden(keyed),
+        _hidden_table(keyed),
     ]
     if homework.names_faults:
         titles = [fault.title for fault in homework.scenario.hidden.found]
@@ -88,11 +88,11 @@ def _answer(right: Solution) -> str:
     return f"{right.answer:g} ± {right.tolerance:g}"
 
 
-def _hidden(keyed: Keyed) -> str:
+def _hidden_table(keyed: Keyed) -> str:
     """Return a table of what is hidden from all students."""
     hidden, varying = keyed.judge.homework.scenario.hidden, keyed.varying
     rows = [("faults", ", ".join(FAULTS[name].title for name in hidden.faults) or "none")]
-    rows += [(path, _shown(value)) for path, value in _leaves(hidden.settings)]
+    rows += [(path, _format_value(value)) for path, value in _leaves(hidden.settings)]
     rows += [("seed", str(hidden.seed))]
     own = {*varying.paths, *(("seed",) if varying.seed else ())}
     rows = [(name, "another for each student" if name in own else value) for name, value in rows]
@@ -125,7 +125,7 @@ def _cells(judge: Judge, names: Sequence[str], numbers: Sequence[int]) -> list[s
     values = [
         ", ".join(FAULTS[one].title for one in hidden.faults) or "none"
         if name == "faults"
-        else _shown(settings[name])
+        else _format_value(settings[name])
         for name in names
     ]
     return [homework.student, *values, str(hidden.seed), *(_answer(judge.solutions[k - 1]) for k in numbers)]
@@ -139,7 +139,7 @@ def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
             yield f"{prefix}{name}", value
 
 
-def _shown(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_shown, value))}]"
+        return f"[{', '.join(map(_format_value, value))}]"
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -9,14 +9,14 @@ from typing import Any
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.homework.homework import Goal, Homework, Judge, Question, Solution
 from lab.classroom.homework.scenario import CHANGEABLE, SEEDS, Hidden, Scenario, can_be_hidden, is_never
-from lab.classroom.homework.sealing import name_of
+from lab.classroom.homework.sealing import name_of_keys
 from lab.classroom.lessons.check import Check, CheckError, parse_check
 from lab.classroom.lessons.fields import (
     LessonError,
-    answer_of,
     check_keys,
-    number_of,
-    settings_of,
+    read_answer,
+    read_number,
+    read_settings,
     text_of,
     try_settings,
 )
@@ -42,7 +42,7 @@ OF_QUESTION = ("text", "choices", "answer", "tolerance", "points")
 OF_GOAL = ("text", "condition", "points")
 
 
-def judge_of(tables: Mapping[str, Any], public: bytes, seed: int) -> Judge:
+def make_judge(tables: Mapping[str, Any], public: bytes, seed: int) -> Judge:
     """Return the homework that the tables of a TOML file describe, with its solutions.
 
     Parameters
@@ -60,17 +60,17 @@ def judge_of(tables: Mapping[str, Any], public: bytes, seed: int) -> Judge:
         If they describe none; the message says where, and what is accepted.
     """
     check_keys(tables, OF_HOMEWORK, "")
-    settings, trial = settings_of(tables, "settings", "") or {}, Experiment()
+    settings, trial = read_settings(tables, "settings", "") or {}, Experiment()
     try_settings(trial, settings, "settings")
     if isinstance(missions()[trial.mission], LogMission):
         raise LessonError(
             f"settings: {trial.mission} is a sensor log, in which nothing can be hidden; accepted is a flight"
         )
-    hidden = _hidden(tables.get("hidden", {}), trial, seed)
+    hidden = _read_hidden(tables.get("hidden", {}), trial, seed)
     title = text_of(tables, "title", "", LONGEST["title"])
-    scenario = Scenario(name_of(public), title, settings, _change(tables, trial), hidden, public)
+    scenario = Scenario(name_of_keys(public), title, settings, _change(tables, trial), hidden, public)
     asked = [_question(one, where) for one, where in _tables(tables, "question")]
-    goals = [_goal(one, where, trial) for one, where in _tables(tables, "goal")]
+    goals = [_read_goal(one, where, trial) for one, where in _tables(tables, "goal")]
     names_faults = tables.get("names_faults", bool(hidden.faults))
     if not isinstance(names_faults, bool):
         raise LessonError("names_faults: accepted is true or false")
@@ -90,7 +90,7 @@ def judge_of(tables: Mapping[str, Any], public: bytes, seed: int) -> Judge:
     return Judge(homework, tuple(right for _, right in asked), tuple(check for _, check in goals))
 
 
-def _hidden(table: Any, trial: Experiment, seed: int) -> Hidden:
+def _read_hidden(table: Any, trial: Experiment, seed: int) -> Hidden:
     """Return what is hidden; the trial is not changed."""
     if not isinstance(table, dict):
         raise LessonError("hidden: is not a table; accepted are faults, settings, seed")
@@ -100,7 +100,7 @@ def _hidden(table: Any, trial: Experiment, seed: int) -> Hidden:
         raise LessonError(f"hidden: faults: accepted is a list of {', '.join(FAULTS)}")
     if len(faults) > MOST_FAULTS or len(set(faults)) < len(faults):
         raise LessonError(f"hidden: faults: accepted are up to {MOST_FAULTS}, each once")
-    settings = settings_of(table, "settings", "hidden: ") or {}
+    settings = read_settings(table, "settings", "hidden: ") or {}
     for path in _paths(settings):
         if not can_be_hidden(path):
             raise LessonError(
@@ -158,13 +158,13 @@ def _tables(tables: Mapping[str, Any], key: str) -> list[tuple[Mapping[str, Any]
 def _question(table: Mapping[str, Any], where: str) -> tuple[Question, Solution]:
     check_keys(table, OF_QUESTION, where)
     text = text_of(table, "text", where, LONGEST["question"], marked=True)
-    choices, answer, tolerance = answer_of(table, where)
+    choices, answer, tolerance = read_answer(table, where)
     if answer is None:
         raise LessonError(f"{where}answer: is missing; accepted is one of the choices, or a number")
     return Question(text, choices, _points(table, "points", where)), Solution(answer, tolerance)
 
 
-def _goal(table: Mapping[str, Any], where: str, trial: Experiment) -> tuple[Goal, Check]:
+def _read_goal(table: Mapping[str, Any], where: str, trial: Experiment) -> tuple[Goal, Check]:
     check_keys(table, OF_GOAL, where)
     text = text_of(table, "text", where, LONGEST["goal"], needed=False, marked=True)
     condition = text_of(table, "condition", where, LONGEST["condition"])
@@ -175,7 +175,7 @@ def _goal(table: Mapping[str, Any], where: str, trial: Experiment) -> tuple[Goal
 
 
 def _points(table: Mapping[str, Any], key: str, where: str) -> float:
-    points = number_of(table, key, where, least=0.0)
+    points = read_number(table, key, where, least=0.0)
     if points is not None and (points > MOST_POINTS or not math.isfinite(points)):
         raise LessonError(f"{where}{key} = {points:g}: accepted is a number from 0 to {MOST_POINTS}")
     return 1.0 if points is None else points

@@ -51,7 +51,7 @@ class Varying(NamedTuple):
     seed: bool = False
 
 
-def folded(name: str) -> str:
+def fold_name(name: str) -> str:
     """Return a name as names are compared: without case, and with single spaces."""
     return " ".join(unicodedata.normalize("NFC", name).split()).casefold()
 
@@ -68,12 +68,12 @@ def varying_in(tables: Mapping[str, Any]) -> Varying:
         return Varying()
     asked = enumerate(tables.get("question", []), 1)
     answers = frozenset(number for number, one in asked if isinstance(one.get("answer"), dict))
-    return Varying(tuple(_each(tables)), answers, "seed" not in tables["hidden"])
+    return Varying(tuple(_varying_by_path(tables)), answers, "seed" not in tables["hidden"])
 
 
-def tag_of(key: TeacherKey, name: str) -> str:
+def variant_tag(key: TeacherKey, name: str) -> str:
     """Return the tag of a student's variant: `TAG` hexadecimal digits."""
-    return key.digest_of("tag", folded(name)).hex()[:TAG]
+    return key.digest_of("tag", fold_name(name)).hex()[:TAG]
 
 
 def tables_of(tables: Mapping[str, Any], key: TeacherKey, name: str) -> dict[str, Any]:
@@ -95,9 +95,9 @@ def tables_of(tables: Mapping[str, Any], key: TeacherKey, name: str) -> dict[str
     """
 
     def pick(what: str) -> float:
-        return int.from_bytes(key.digest_of(what, folded(name))[:6], "big") / 2**48
+        return int.from_bytes(key.digest_of(what, fold_name(name))[:6], "big") / 2**48
 
-    made = _with(tables, pick)
+    made = _pick_values(tables, pick)
     hidden = made["hidden"]
     hidden.setdefault("seed", int(pick("seed") * SEEDS))
     return made
@@ -111,26 +111,26 @@ def extremes(tables: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     LessonError
         As of `tables_of`.
     """
-    each = _each(tables)
+    each = _varying_by_path(tables)
     most = max((len(one["choices"]) for one in each.values() if "choices" in one), default=2)
     for number in range(most):
         part = number / max(most - 1, 1)
-        yield _with(tables, lambda _what, part=part: min(part, math.nextafter(1.0, 0.0)))  # type: ignore[misc]
+        yield _pick_values(tables, lambda _what, part=part: min(part, math.nextafter(1.0, 0.0)))  # type: ignore[misc]
 
 
-def _with(tables: Mapping[str, Any], pick: Pick) -> dict[str, Any]:
+def _pick_values(tables: Mapping[str, Any], pick: Pick) -> dict[str, Any]:
     """Return tables in which everything that differs has the value that was picked."""
-    each, hidden = _each(tables), dict(tables["hidden"])
+    each, hidden = _varying_by_path(tables), dict(tables["hidden"])
     del hidden["each"]
     values = {path: _value(one, path, pick(path)) for path, one in each.items()}
     if "faults" in values:
         if "faults" in hidden:
             raise LessonError("hidden: faults is fixed and in hidden.each; accepted is one of both")
         hidden["faults"] = values.pop("faults")
-    settings = _copied(hidden.get("settings", {}))
+    settings = _copy_table(hidden.get("settings", {}))
     for path, value in values.items():
         _refuse_twice(path, settings, hidden.get("faults", []))
-        _put(settings, path, value)
+        _put_value(settings, path, value)
     hidden["settings"] = settings
     questions = tables.get("question", [])
     if isinstance(questions, list):
@@ -138,12 +138,12 @@ def _with(tables: Mapping[str, Any], pick: Pick) -> dict[str, Any]:
     return {**tables, "hidden": hidden, **({"question": questions} if questions else {})}
 
 
-def _each(tables: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def _varying_by_path(tables: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """Return what differs from student to student by its path."""
     each = tables["hidden"]["each"]
     if not isinstance(each, dict):
         raise LessonError("hidden: each: is not a table; accepted are settings with from and to, or choices")
-    found = dict(_flat(each))
+    found = dict(_flatten_table(each))
     if len(found) > MOST_EACH:
         raise LessonError(f"hidden: each: has {len(found)} entries; accepted are up to {MOST_EACH}")
     for path, one in found.items():
@@ -151,7 +151,7 @@ def _each(tables: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     return found
 
 
-def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _flatten_table(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
     for name, value in table.items():
         path = f"{prefix}{name}"
         if not isinstance(value, dict):
@@ -162,7 +162,7 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Map
         if {"from", "to", "choices"} & set(value):
             yield path, value
         else:
-            yield from _flat(value, f"{path}.")
+            yield from _flatten_table(value, f"{path}.")
 
 
 def _check(one: Mapping[str, Any], where: str) -> None:
@@ -193,13 +193,13 @@ def _value(one: Mapping[str, Any], path: str, part: float) -> Any:
     is_list = isinstance(one["from"], list)
     step = one.get("step")
     values = [
-        _between(low, high, step, part)
+        _interpolate_step(low, high, step, part)
         for low, high in zip(_parts(one["from"]), _parts(one["to"]), strict=True)
     ]
     return values if is_list else values[0]
 
 
-def _between(low: float, high: float, step: float | None, part: float) -> float:
+def _interpolate_step(low: float, high: float, step: float | None, part: float) -> float:
     if step is None:
         return float(f"{low + part * (high - low):.{_DIGITS}g}")
     steps = math.floor((high - low) / step + _STEPS)
@@ -248,7 +248,7 @@ def _refuse_twice(path: str, settings: Mapping[str, Any], faults: Any) -> None:
             )
 
 
-def _put(settings: dict[str, Any], path: str, value: Any) -> None:
+def _put_value(settings: dict[str, Any], path: str, value: Any) -> None:
     *groups, last = path.split(".")
     for group in groups:
         settings = settings.setdefault(group, {})
@@ -257,8 +257,8 @@ def _put(settings: dict[str, Any], path: str, value: Any) -> None:
     settings[last] = value
 
 
-def _copied(table: Any) -> Any:
-    return {name: _copied(value) for name, value in table.items()} if isinstance(table, dict) else table
+def _copy_table(table: Any) -> Any:
+    return {name: _copy_table(value) for name, value in table.items()} if isinstance(table, dict) else table
 
 
 def _parts(value: Any) -> list[Any]:

@@ -11,7 +11,7 @@ from lab.base.parameters.toml_file import read_toml
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.lessons.fields import LessonError
 from lab.classroom.lessons.lesson import Lesson
-from lab.classroom.lessons.lesson_file import lesson_of, read_lesson
+from lab.classroom.lessons.lesson_file import make_lesson, read_lesson
 
 SHIPPED = Path(__file__).with_name("shipped")
 MOST_FILES = 200
@@ -134,7 +134,7 @@ def _lesson(number: int, row: Mapping[str, Any], table: Mapping[str, Any]) -> Le
     if "repair" in row:
         repaired["text"] = f"{row['repair']}\n\n{repaired['text']}"
         steps.append(repaired | {key: row[key] for key in ("check", "solution", "wrong")})
-    return lesson_of(
+    return make_lesson(
         f"break-it-{number:02}",
         {
             "title": f"Break it {number}",

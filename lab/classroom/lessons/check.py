@@ -137,36 +137,36 @@ class _Parser:
 
     def whole(self) -> Condition:
         """Return the whole check."""
-        condition = self._either()
+        condition = self._parse_either()
         if self._at < len(self._tokens):
-            raise self._unexpected("and, or, or the end")
+            raise self._unexpected_error("and, or, or the end")
         return condition
 
-    def _either(self) -> Condition:
-        parts = [self._all()]
+    def _parse_either(self) -> Condition:
+        parts = [self._parse_all()]
         while self._accept("or"):
-            parts.append(self._all())
+            parts.append(self._parse_all())
         return parts[0] if len(parts) == 1 else lambda result: any(part(result) for part in parts)
 
-    def _all(self) -> Condition:
-        parts = [self._not()]
+    def _parse_all(self) -> Condition:
+        parts = [self._parse_not()]
         while self._accept("and"):
-            parts.append(self._not())
+            parts.append(self._parse_not())
         return parts[0] if len(parts) == 1 else lambda result: all(part(result) for part in parts)
 
-    def _not(self) -> Condition:
-        self._deeper()
+    def _parse_not(self) -> Condition:
+        self._check_depth()
         try:
             if self._accept("not"):
-                inner = self._not()
+                inner = self._parse_not()
                 return lambda result: not inner(result)
             if self._accept("verdict"):
                 self.has_verdict = True
                 return self._verdict()
             if self._next == "(" and self._is_condition():
                 self._at += 1
-                condition = self._either()
-                self._expect(")")
+                condition = self._parse_either()
+                self._expect_text(")")
                 return condition
             return self._compare()
         finally:
@@ -176,12 +176,12 @@ class _Parser:
         if self._accept("consistent"):
             return lambda result: bool(result.verdict.consistent)
         if not self._accept("names"):
-            raise self._unexpected('names "…" or consistent')
+            raise self._unexpected_error('names "…" or consistent')
         if self._kind != "text":
-            raise self._unexpected('a quantity in quotes, such as "GPS latency"')
+            raise self._unexpected_error('a quantity in quotes, such as "GPS latency"')
         named = self._tokens[self._at].text[1:-1]
         if named not in FINDING_NAMES:
-            raise self._unknown("finding", named, FINDING_NAMES, "")
+            raise self._unknown_name_error("finding", named, FINDING_NAMES, "")
         self._at += 1
         return lambda result: any(named == finding.quantity for finding in result.verdict.findings)
 
@@ -192,7 +192,7 @@ class _Parser:
             self._at += 1
             sides.append(self._sum())
         if not signs:
-            raise self._unexpected("a comparison: < <= > >=")
+            raise self._unexpected_error("a comparison: < <= > >=")
 
         def condition(result: Result) -> bool:
             values = [side(result) for side in sides]
@@ -204,37 +204,37 @@ class _Parser:
         value = self._product()
         while (sign := self._next) in ("+", "-"):
             self._at += 1
-            value = _combined(sign, value, self._product())
+            value = _combine_values(sign, value, self._product())
         return value
 
     def _product(self) -> Value:
         value = self._factor()
         while (sign := self._next) in ("*", "/"):
             self._at += 1
-            value = _combined(sign, value, self._factor())
+            value = _combine_values(sign, value, self._factor())
         return value
 
     def _factor(self) -> Value:
-        self._deeper()
+        self._check_depth()
         try:
             if self._accept("-"):
                 inner = self._factor()
                 return lambda result: -inner(result)
             if self._accept("("):
                 inside = self._sum()
-                self._expect(")")
+                self._expect_text(")")
                 return inside
             if self._kind == "number":
                 number = float(self._tokens[self._at].text)
                 self._at += 1
                 return lambda _result: number
             if self._kind == "name" and self._next not in _RESERVED:
-                return self._named()
-            raise self._unexpected("a quantity, a setting or a number")
+                return self._parse_named()
+            raise self._unexpected_error("a quantity, a setting or a number")
         finally:
             self._depth -= 1
 
-    def _named(self) -> Value:
+    def _parse_named(self) -> Value:
         name = self._next
         if name in QUANTITIES:
             self._at += 1
@@ -244,11 +244,11 @@ class _Parser:
             self._at += 1
             self.settings.append(name)
             return lambda result: setting_value(result, name)
-        raise self._unknown(
+        raise self._unknown_name_error(
             "quantity", name, QUANTITIES, ", and numeric settings by their path, such as navigator.r_scale"
         )
 
-    def _unknown(self, kind: str, name: str, accepted: Iterable[str], others: str) -> CheckError:
+    def _unknown_name_error(self, kind: str, name: str, accepted: Iterable[str], others: str) -> CheckError:
         """Return the refusal of a name that does not exist; `others` is what else is accepted."""
         close = difflib.get_close_matches(name, list(accepted), n=1)
         hint = f"; did you mean {close[0]}?" if close else "."
@@ -268,7 +268,7 @@ class _Parser:
                 return True
         return False
 
-    def _deeper(self) -> None:
+    def _check_depth(self) -> None:
         self._depth += 1
         if self._depth > DEEPEST:
             raise CheckError(f"has brackets or signs inside one another more than {DEEPEST} times")
@@ -286,18 +286,18 @@ class _Parser:
         self._at += found
         return found
 
-    def _expect(self, text: str) -> None:
+    def _expect_text(self, text: str) -> None:
         if not self._accept(text):
-            raise self._unexpected(text)
+            raise self._unexpected_error(text)
 
-    def _unexpected(self, wanted: str) -> CheckError:
+    def _unexpected_error(self, wanted: str) -> CheckError:
         if self._at < len(self._tokens):
             token = self._tokens[self._at]
             return CheckError(f"character {token.place}: {token.text[:40]} where {wanted} is expected")
         return CheckError(f"ends where {wanted} is expected")
 
 
-def _combined(sign: str, a: Value, b: Value) -> Value:
+def _combine_values(sign: str, a: Value, b: Value) -> Value:
     if sign == "+":
         return lambda result: a(result) + b(result)
     if sign == "-":

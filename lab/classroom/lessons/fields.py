@@ -86,7 +86,7 @@ def text_of(
     return value.strip()
 
 
-def settings_of(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any] | None:
+def read_settings(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any] | None:
     """Return a table of settings; None if it is missing. `LessonError` if it is not a table."""
     value = table.get(key)
     if value is not None and not isinstance(value, dict):
@@ -109,7 +109,7 @@ def try_settings(trial: Experiment, settings: Mapping[str, Any], where: str) -> 
         )
 
 
-def number_of(table: Mapping[str, Any], key: str, where: str, least: float = -math.inf) -> float | None:
+def read_number(table: Mapping[str, Any], key: str, where: str, least: float = -math.inf) -> float | None:
     """Return a finite number; None if it is missing. `LessonError` if it is none, or less than `least`."""
     value = table.get(key)
     if value is None:
@@ -121,7 +121,7 @@ def number_of(table: Mapping[str, Any], key: str, where: str, least: float = -ma
     return float(value)
 
 
-def answer_of(table: Mapping[str, Any], where: str) -> tuple[tuple[str, ...], str | float | None, float]:
+def read_answer(table: Mapping[str, Any], where: str) -> tuple[tuple[str, ...], str | float | None, float]:
     """Return the choices, the right answer and its tolerance.
 
     Raises
@@ -143,8 +143,8 @@ def answer_of(table: Mapping[str, Any], where: str) -> tuple[tuple[str, ...], st
         if "tolerance" in table:
             raise LessonError(f"{where}tolerance: belongs to a number; accepted are choices without it")
         return tuple(choices), str(table["answer"]), 0.0
-    answer = number_of(table, "answer", where)
-    tolerance = number_of(table, "tolerance", where, least=0.0)
+    answer = read_number(table, "answer", where)
+    tolerance = read_number(table, "tolerance", where, least=0.0)
     if (answer is None) != (tolerance is None):
         raise LessonError(f"{where}answer, tolerance: a number needs both; accepted are numbers")
     return (), answer, tolerance or 0.0

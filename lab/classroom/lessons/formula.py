@@ -83,21 +83,21 @@ class _Reader:
         return f"<mrow>{''.join(parts)}</mrow>"
 
     def _scripted(self) -> str:
-        base, scripts = self._one(), dict[str, str]()
+        base, scripts = self._read_one(), dict[str, str]()
         while (sign := self._peek()) in ("^", "_"):
             if sign in scripts:
                 raise FormulaError(
                     f"has two {sign} after one another; accepted is one, with a group in braces"
                 )
             self._pop()
-            scripts[sign] = self._one()
+            scripts[sign] = self._read_one()
         if len(scripts) == 2:
             return f"<msubsup>{base}{scripts['_']}{scripts['^']}</msubsup>"
         if "_" in scripts:
             return f"<msub>{base}{scripts['_']}</msub>"
         return f"<msup>{base}{scripts['^']}</msup>" if scripts else base
 
-    def _one(self) -> str:
+    def _read_one(self) -> str:
         """Return a sign, a number, a command with its groups, or a group."""
         token = self._pop()
         if token in ("", "}", "^", "_"):
@@ -117,11 +117,11 @@ class _Reader:
         if name == "text":
             return self._text()
         if name == "frac":
-            return f"<mfrac>{self._one()}{self._one()}</mfrac>"
+            return f"<mfrac>{self._read_one()}{self._read_one()}</mfrac>"
         if name == "sqrt":
-            return f"<msqrt>{self._one()}</msqrt>"
+            return f"<msqrt>{self._read_one()}</msqrt>"
         if name in ACCENTS:
-            return f'<mover accent="true">{self._one()}<mo>{ACCENTS[name]}</mo></mover>'
+            return f'<mover accent="true">{self._read_one()}<mo>{ACCENTS[name]}</mo></mover>'
         accepted = ", ".join((*WORDS, "frac", "sqrt", "text", *ACCENTS))
         raise FormulaError(f"\\{name[:20]} is not known; accepted are {accepted}")
 

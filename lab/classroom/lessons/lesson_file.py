@@ -13,10 +13,10 @@ from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.lessons.check import Check, CheckError, parse_check
 from lab.classroom.lessons.fields import (
     LessonError,
-    answer_of,
     check_keys,
-    number_of,
-    settings_of,
+    read_answer,
+    read_number,
+    read_settings,
     text_of,
     try_settings,
 )
@@ -57,10 +57,10 @@ def read_lesson(path: Path) -> Lesson:
     except (TomlError, LessonError) as error:
         raise LessonError(f"{name}: {error}") from error
     try:
-        return lesson_of(path.stem, tables)
+        return make_lesson(path.stem, tables)
     except LessonError as error:
         message = str(error)
-        raise LessonError(f"{name}, line {line_of(text, message)}: {message}") from error
+        raise LessonError(f"{name}, line {find_line(text, message)}: {message}") from error
 
 
 def _bounded_text(path: Path) -> str:
@@ -71,7 +71,7 @@ def _bounded_text(path: Path) -> str:
     return read_text(path)
 
 
-def lesson_of(name: str, tables: Mapping[str, Any]) -> Lesson:
+def make_lesson(name: str, tables: Mapping[str, Any]) -> Lesson:
     """Return the lesson that the tables of a TOML file describe.
 
     Raises
@@ -89,7 +89,7 @@ def lesson_of(name: str, tables: Mapping[str, Any]) -> Lesson:
     fault = text_of(tables, "fault", "", 20) if "fault" in tables else ""
     if fault and fault not in FAULTS:
         raise LessonError(f"fault = {fault!r}: accepted is one of {', '.join(FAULTS)}")
-    settings, trial = settings_of(tables, "settings", "") or {}, Experiment()
+    settings, trial = read_settings(tables, "settings", "") or {}, Experiment()
     try_settings(trial, settings, "settings")
     return Lesson(
         name=name,
@@ -103,9 +103,9 @@ def lesson_of(name: str, tables: Mapping[str, Any]) -> Lesson:
 
 def _step(table: Mapping[str, Any], trial: Experiment, where: str) -> Step:
     check_keys(table, OF_STEP, where)
-    settings = settings_of(table, "settings", where)
+    settings = read_settings(table, "settings", where)
     try_settings(trial, settings or {}, f"{where}settings")
-    solution = settings_of(table, "solution", where)
+    solution = read_settings(table, "solution", where)
     wrong = table.get("wrong", [])
     if (
         not isinstance(wrong, list)
@@ -117,7 +117,7 @@ def _step(table: Mapping[str, Any], trial: Experiment, where: str) -> Step:
         for one in tried:
             try_settings(trial, one, f"{where}{key}")
     question = text_of(table, "question", where, LONGEST["question"], needed=False, marked=True)
-    choices, answer, tolerance = answer_of(table, where)
+    choices, answer, tolerance = read_answer(table, where)
     if question and answer is None and "check" not in table:
         raise LessonError(f"{where}question: has neither answer nor check; accepted is one of them, or both")
     if answer is not None and not question:
@@ -129,7 +129,7 @@ def _step(table: Mapping[str, Any], trial: Experiment, where: str) -> Step:
         text=text_of(table, "text", where, LONGEST["text"], marked=True),
         settings=settings,
         page=_page(table, where),
-        time=number_of(table, "time", where, least=0.0),
+        time=read_number(table, "time", where, least=0.0),
         question=question,
         choices=choices,
         answer=answer,
@@ -180,7 +180,7 @@ _TEXTS = re.compile(
 )
 
 
-def line_of(text: str, message: str) -> int:
+def find_line(text: str, message: str) -> int:
     """Return the line, from 1, that a message of `lab.classroom.lessons.lesson_file` is about.
 
     Parameters

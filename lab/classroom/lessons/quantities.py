@@ -43,13 +43,13 @@ def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(values.reshape(values.shape[0], -1) ** 2, axis=1))))
 
 
-def _largest(values: FloatArray) -> float:
+def _largest_length(values: FloatArray) -> float:
     """Return the largest length of rows (n, k), or of values (n,)."""
     return float(np.sqrt(np.max(np.sum(values.reshape(values.shape[0], -1) ** 2, axis=1))))
 
 
-def _last(values: FloatArray) -> float:
-    return _largest(values[-1:])
+def _last_value(values: FloatArray) -> float:
+    return _largest_length(values[-1:])
 
 
 def _error(kind: str, columns: slice | int, how: Callable[[FloatArray], float]) -> Callable[[Result], float]:
@@ -64,7 +64,7 @@ def _error(kind: str, columns: slice | int, how: Callable[[FloatArray], float]) 
 
 
 def _sigma_end(kind: str, columns: slice | int) -> Callable[[Result], float]:
-    return lambda result: _last(result.sigma[kind].values[:, columns])
+    return lambda result: _last_value(result.sigma[kind].values[:, columns])
 
 
 def _mean_square(columns: slice) -> Callable[[Result], float]:
@@ -98,7 +98,7 @@ def _in_outages(result: Result) -> float:
     inside = np.zeros(time.size, dtype=np.bool_)
     for start, end in result.experiment.sensors.gps.outages:
         inside |= (time >= start) & (time <= end)
-    return _largest(result.errors.position.values[inside]) if inside.any() else float("nan")
+    return _largest_length(result.errors.position.values[inside]) if inside.any() else float("nan")
 
 
 def _fixes_used(result: Result) -> float:
@@ -117,15 +117,17 @@ _EVERY, _LEVEL = slice(None), slice(0, 2)  # columns: all, and the first two
 
 QUANTITIES: dict[str, Quantity] = {
     "position_rms": Quantity("m", "rms of the position error", _error("position", _EVERY, _rms)),
-    "position_max": Quantity("m", "largest position error", _error("position", _EVERY, _largest)),
-    "position_end": Quantity("m", "position error at the end", _error("position", _EVERY, _last)),
+    "position_max": Quantity("m", "largest position error", _error("position", _EVERY, _largest_length)),
+    "position_end": Quantity("m", "position error at the end", _error("position", _EVERY, _last_value)),
     "horizontal_rms": Quantity("m", "rms of the horizontal position error", _error("position", _LEVEL, _rms)),
     "height_rms": Quantity("m", "rms of the height error", _error("position", UP, _rms)),
     "outage_max": Quantity("m", "largest position error during the GPS outages", _in_outages),
     "velocity_rms": Quantity("m/s", "rms of the velocity error", _error("velocity", _EVERY, _rms)),
     "tilt_rms": Quantity("°", "rms of the errors of roll and pitch", _error("attitude", _LEVEL, _rms)),
     "heading_rms": Quantity("°", "rms of the heading error", _error("attitude", HEADING, _rms)),
-    "heading_end": Quantity("°", "size of the heading error at the end", _error("attitude", HEADING, _last)),
+    "heading_end": Quantity(
+        "°", "size of the heading error at the end", _error("attitude", HEADING, _last_value)
+    ),
     "heading_sigma_end": Quantity(
         "°", "σ of the heading at the end, as the filter states it", _sigma_end("attitude", HEADING)
     ),

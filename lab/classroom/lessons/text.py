@@ -59,18 +59,18 @@ def _block(block: str) -> str:
 def _inline(words: str) -> str:
     parts, end = [], 0
     for found in _PART.finditer(words):
-        parts += [_plain(words[end : found.start()]), _marked(found)]
+        parts += [_escape_plain(words[end : found.start()]), _mark_up(found)]
         end = found.end()
-    return "".join((*parts, _plain(words[end:])))
+    return "".join((*parts, _escape_plain(words[end:])))
 
 
-def _plain(words: str) -> str:
+def _escape_plain(words: str) -> str:
     if "$" in words:
         raise TextError("a $ without the one that ends its formula; accepted is $…$ in one paragraph")
     return escape(words)
 
 
-def _marked(found: re.Match[str]) -> str:
+def _mark_up(found: re.Match[str]) -> str:
     if found["code"]:
         return f"<code>{escape(found['code'])}</code>"
     if found["strong"]:

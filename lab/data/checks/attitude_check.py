@@ -44,7 +44,7 @@ def heading_fault(velocity_n: FloatArray, yaw: FloatArray) -> HeadingFound | Non
         Heading [rad].
     """
     course = np.arctan2(velocity_n[:, 1], velocity_n[:, 0])
-    off = _usual(yaw - course)
+    off = _usual_angle(yaw - course)
     if off < limits.LOG.crab:
         return None
     others = {
@@ -54,12 +54,12 @@ def heading_fault(velocity_n: FloatArray, yaw: FloatArray) -> HeadingFound | Non
         "counted from east, anticlockwise": np.pi / 2 - yaw,
         "it is reversed by 180°": yaw + np.pi,
     }
-    left = {cause: _usual(other - course) for cause, other in others.items()}
+    left = {cause: _usual_angle(other - course) for cause, other in others.items()}
     best = min(left, key=lambda one: left[one])
     return HeadingFound(off, best if left[best] < limits.LOG.heading_left * off else "")
 
 
-def lean(time: FloatArray, euler: FloatArray, force_n: FloatArray) -> Likeness:
+def compare_lean(time: FloatArray, euler: FloatArray, force_n: FloatArray) -> Likeness:
     """Return how the horizontal specific force follows the lean, ahead + i right of the nose.
 
     The thrust of a copter, and the lift of an aircraft in a coordinated turn, point up in the body: with
@@ -93,7 +93,7 @@ def lean(time: FloatArray, euler: FloatArray, force_n: FloatArray) -> Likeness:
     return likeness(*means)
 
 
-def leans(like: Likeness, coherence: float) -> bool:
+def is_leaning(like: Likeness, coherence: float) -> bool:
     """Return whether a vehicle accelerates as it leans, with at least some coherence, but for an angle.
 
     Where this is small, heading, pitch and roll are right; else the force is to the right of the lean by it.
@@ -159,5 +159,5 @@ def rates_agree(likes: tuple[Likeness, ...] | None) -> bool:
     )
 
 
-def _usual(angle: FloatArray) -> float:
+def _usual_angle(angle: FloatArray) -> float:
     return float(np.median(np.abs(wrap(angle))))

@@ -49,26 +49,26 @@ class Kind:
     fastest: float
 
 
-def _turned(q: FloatArray) -> FloatArray:
+def _rotation_steps(q: FloatArray) -> FloatArray:
     attitude = Rotation.from_quat(q, scalar_first=True)
     return np.asarray(np.degrees((attitude[:-1].inv() * attitude[1:]).magnitude()))
 
 
-def _moved(position: FloatArray) -> FloatArray:
+def _position_steps(position: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(np.diff(ecef.position(position), axis=0), axis=1))
 
 
-def _changed(velocity: FloatArray) -> FloatArray:
+def _velocity_steps(velocity: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(np.diff(velocity, axis=0), axis=1))
 
 
-ATTITUDE = Kind("the attitude", "°", _turned, counted=1.0, seen=3.0, fastest=100.0)
+ATTITUDE = Kind("the attitude", "°", _rotation_steps, counted=1.0, seen=3.0, fastest=100.0)
 """Copters tumble at 500 °/s and more, but not for one message: 100 °/s for a single step is no motion."""
-VELOCITY = Kind("the velocity", "m/s", _changed, counted=0.5, seen=3.0, fastest=60.0)
+VELOCITY = Kind("the velocity", "m/s", _velocity_steps, counted=0.5, seen=3.0, fastest=60.0)
 """A hard landing stops 2 m/s at once; 60 m/s² is six times gravity."""
-POSITION = Kind("the position", "m", _moved, counted=3.0, seen=10.0, fastest=200.0)
+POSITION = Kind("the position", "m", _position_steps, counted=3.0, seen=10.0, fastest=200.0)
 """Fixes move an estimate by a metre or two; 200 m/s is beyond the vehicles of these autopilots."""
-JUMP = Kind("the position", "m", _moved, counted=3.0, seen=20.0, fastest=100.0)
+JUMP = Kind("the position", "m", _position_steps, counted=3.0, seen=20.0, fastest=100.0)
 """A reset of an estimator of which nothing else is known: 100 m/s beyond the motion around it, in one
 step."""
 
@@ -115,7 +115,7 @@ def jumps(time: FloatArray, position: FloatArray) -> IntArray:
     position : (n, 3) array
         Latitude, longitude [rad] and height [m].
     """
-    steps = _moved(position)
+    steps = _position_steps(position)
     if not ((steps > JUMP.seen) & (steps > JUMP.fastest * np.diff(time))).any():
         return np.empty(0, np.int64)
     usual = float(np.quantile(steps[steps > 0], _USUAL))

@@ -17,7 +17,7 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.checks import limits
-from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, SAME, ImuAxes, about_down, others
+from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, SAME, ImuAxes, mark_down_axis, others
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import SensorLog
 from lab.motion.frames.displacement import velocity_of_positions
@@ -76,13 +76,13 @@ def check_course(log: SensorLog, matches: WindowMatches) -> None:
     stretches = list(_stretches(log))
     if not stretches:
         return
-    turned = _left(log, stretches, np.zeros(3))
+    turned = _turn_residual(log, stretches, np.zeros(3))
     if turned < limits.LOG.course_change:
         return
     _, force = log.rates
     up = np.median(force, axis=0)
     down = -up / np.linalg.norm(up)
-    right, reversed_ = (_left(log, stretches, sign * down) / turned for sign in (1, -1))
+    right, reversed_ = (_turn_residual(log, stretches, sign * down) / turned for sign in (1, -1))
     what = f"{log.name}: the course changes by {np.degrees(turned):.0f}° (rms), and the gyros "
     # The velocities, where they change enough, must not contradict it.
     if (
@@ -99,13 +99,13 @@ def check_course(log: SensorLog, matches: WindowMatches) -> None:
     if min(right, reversed_) < limits.LOG.unexplained_axis:
         return
     for axis, sign in itertools.product((0, 1), (1, -1)):
-        left = _left(log, stretches, sign * np.eye(3)[axis]) / turned
+        left = _turn_residual(log, stretches, sign * np.eye(3)[axis]) / turned
         if left < limits.LOG.explained_course:
             raise GyroError(
                 f"{what}show this about the axis called {'' if sign > 0 else 'minus '}{NAMES[axis]}, not "
                 f"about down ({100 * left:.0f} % of it is left, and {100 * right:.0f} %): swapped axes of "
                 "the gyros are likely, and the other two columns are then wrong as well",
-                ImuAxes(about_down(axis, sign), SAME),
+                ImuAxes(mark_down_axis(axis, sign), SAME),
             )
 
 
@@ -137,7 +137,7 @@ def _stretches(log: SensorLog) -> Iterator[_Stretch]:
                 yield _Stretch(time[piece], course[piece])
 
 
-def _left(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> float:
+def _turn_residual(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> float:
     """Return the rms of the course minus the angle turned about an axis, without its drift [rad]."""
     total = np.concatenate(([0.0], np.cumsum(log.dtheta @ axis)))
     left = []

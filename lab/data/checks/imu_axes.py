@@ -86,7 +86,7 @@ def others() -> Iterator[ImuAxes]:
 
     Gravity shows the vertical accelerometer.
     """
-    for matrix in signed(range(3)):
+    for matrix in iterate_signed_axes(range(3)):
         if not np.array_equal(matrix, SAME):
             yield ImuAxes(matrix, SAME)
     for matrix in level():
@@ -96,14 +96,14 @@ def others() -> Iterator[ImuAxes]:
 
 def level() -> Iterator[FloatArray]:
     """Yield all other orders and signs of the two horizontal axes, as (3, 3) matrices."""
-    for inner in signed(range(2)):
+    for inner in iterate_signed_axes(range(2)):
         if not np.array_equal(inner, np.eye(2)):
             matrix = np.eye(3)
             matrix[:2, :2] = inner
             yield matrix
 
 
-def signed(axes: range) -> Iterator[FloatArray]:
+def iterate_signed_axes(axes: range) -> Iterator[FloatArray]:
     """Yield the matrices of all orders and signs of some axes."""
     for order in itertools.permutations(axes):
         for signs in itertools.product((1.0, -1.0), repeat=len(axes)):
@@ -121,7 +121,7 @@ def _describe(matrix: FloatArray) -> str:
     )
 
 
-def about_down(axis: int, sign: int) -> FloatArray:
+def mark_down_axis(axis: int, sign: int) -> FloatArray:
     """Return the matrix that tells only which axis of the file is down."""
     matrix = np.zeros((3, 3))
     matrix[2, axis] = sign

@@ -93,7 +93,9 @@ def likeness(
     )
 
 
-def nearest(factor: float, units: Mapping[float, tuple[str, str]], within: float) -> tuple[str, str] | None:
+def find_nearest_unit(
+    factor: float, units: Mapping[float, tuple[str, str]], within: float
+) -> tuple[str, str] | None:
     """Return the unit of numbers and the one they are taken for, if their factor is nearly that.
 
     Parameters
@@ -129,7 +131,7 @@ def cause(factor: float, kind: str) -> str:
     reversed_ = "it has the opposite sign" if factor < 0 else ""
     if abs(abs(factor) - 1) < limits.LOG.same_slope:
         return reversed_ or "noise"
-    unit = nearest(factor, UNITS[kind], 1 + limits.LOG.unit_slope)
+    unit = find_nearest_unit(factor, UNITS[kind], 1 + limits.LOG.unit_slope)
     words = f"{unit[0]} read as {unit[1]}" if unit else "another unit"
     if reversed_:
         return f"{words}, and {reversed_}"

@@ -24,16 +24,16 @@ from lab.data.checks.gyro_check import (
     check_course,
     check_velocities,
 )
-from lab.data.checks.likeness import UNITS, nearest
+from lab.data.checks.likeness import UNITS, find_nearest_unit
 from lab.data.checks.path_check import UNIT, UNLIKE, path_faults
-from lab.data.checks.velocity_matching import Match, Window, liveliest
+from lab.data.checks.velocity_matching import Match, Window, choose_liveliest
 from lab.data.checks.window_matches import WindowMatches
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.data.log.sensor_log import SensorLog
 from lab.data.log.vehicle import VEHICLES, Vehicle, vehicle_of
 from lab.motion.frames.displacement import velocity_of_positions
 from lab.motion.frames.rotation import wrap
-from lab.motion.kinematics.running_turns import turned
+from lab.motion.kinematics.running_turns import running_attitudes
 
 _OR_ANOTHER_VEHICLE = (
     ". The check does not apply to a vehicle that does not move where its nose points: name it, such as "
@@ -69,20 +69,20 @@ class FixMotion(NamedTuple):
     climb: FloatArray
 
 
-def windows_of(log: SensorLog) -> list[Window]:
+def find_windows(log: SensorLog) -> list[Window]:
     """Return the windows of a log without a break in which its velocity changes most."""
     gnss = log.gnss
     sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, VELOCITY_SIGMA)
     arrays = (log.time, log.dtheta, log.dvelocity, gnss.time - gnss.latency, gnss.velocity_n, sigma)
-    return liveliest(arrays, limits.LOG.lag_windows, limits.LOG.largest_lag)
+    return choose_liveliest(arrays, limits.LOG.lag_windows, limits.LOG.largest_lag)
 
 
-def matches_of(log: SensorLog) -> WindowMatches:
+def match_windows(log: SensorLog) -> WindowMatches:
     """Return the matches of the windows in which the velocity of a log changes most."""
-    return WindowMatches(windows_of(piece(log)))
+    return WindowMatches(find_windows(cut_section(log)))
 
 
-def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] = matches_of) -> None:
+def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] = match_windows) -> None:
     """Raise if a log is implausible; the longest stretch without a break is judged.
 
     Parameters
@@ -90,7 +90,7 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
     log
         The log.
     matches_of
-        Returns its matches as `matches_of` does, if other axes of the same log have been checked.
+        Returns its matches as `match_windows` does, if other axes of the same log have been checked.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
     """
     _check_interval(log)
     _check_path(log)
-    log = piece(log)
+    log = cut_section(log)
     vehicle = vehicle_of(log.auxiliary.vehicle)
     if vehicle.stays_level:
         _check_force(log)
@@ -125,7 +125,7 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
 
 def is_explained(log: SensorLog) -> bool:
     """Return whether the velocities of a log change as its IMU says, where they change enough to tell."""
-    return are_explained(matches_of(log))
+    return are_explained(match_windows(log))
 
 
 def _check_path(log: SensorLog) -> None:
@@ -296,7 +296,7 @@ def _check_gyro_unit(log: SensorLog, motion: FixMotion) -> None:
     if not factors.any():
         return
     factor = float(factors.max())
-    unit = nearest(factor, UNITS["angle"], limits.LOG.degree_ratio)
+    unit = find_nearest_unit(factor, UNITS["angle"], limits.LOG.degree_ratio)
     if unit:
         raise MissionError(
             f"{log.name}: the gyros turn {factor:.3g} times as fast as the course: the numbers look like "
@@ -372,7 +372,7 @@ def _off_course(window: Window, found: Match) -> FloatArray:
     fast = np.linalg.norm(window.velocity_n[:, :2], axis=1) > limits.LOG.course_speed
     north, east = window.velocity_n[fast, :2].T
     steps = np.clip(np.searchsorted(window.time, window.at[fast] + found.lag), 0, len(window.dtheta))
-    turning = turned(window.dtheta - found.gyro_bias * np.diff(window.time)[:, None])
+    turning = running_attitudes(window.dtheta - found.gyro_bias * np.diff(window.time)[:, None])
     nose = (found.C_nb * turning[steps]).apply((1.0, 0.0, 0.0)).reshape(-1, 3)
     return wrap(np.arctan2(east, north) - np.arctan2(nose[:, 1], nose[:, 0]))
 

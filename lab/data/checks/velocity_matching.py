@@ -18,7 +18,13 @@ from scipy.spatial.transform import Rotation
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
-from lab.motion.kinematics.running_turns import matrices, product, quaternions, running_products, turned
+from lab.motion.kinematics.running_turns import (
+    matrices,
+    product,
+    quaternions,
+    running_attitudes,
+    running_products,
+)
 
 Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -146,7 +152,7 @@ def window_of(log: Arrays, start: float, margin: float = 0.0) -> Window | None:
     return Window(ends, stepped[0].T, stepped[1].T, at[fixes], velocity_n[fixes], sigma[fixes])
 
 
-def liveliest(log: Arrays, count: int, margin: float = 0.0) -> list[Window]:
+def choose_liveliest(log: Arrays, count: int, margin: float = 0.0) -> list[Window]:
     """Return the windows in which the velocity changes most, in falling order.
 
     Parameters
@@ -158,18 +164,18 @@ def liveliest(log: Arrays, count: int, margin: float = 0.0) -> list[Window]:
     margin
         As of `window_of`.
     """
-    found = sorted(lively(log, margin), key=lambda one: -one[0])
+    found = sorted(measure_liveliness(log, margin), key=lambda one: -one[0])
     windows = [window_of(log, start, margin) for _, start in found[:count]]
     return [window for window in windows if window is not None]
 
 
-def lively(log: Arrays, margin: float = 0.0) -> list[tuple[float, float]]:
+def measure_liveliness(log: Arrays, margin: float = 0.0) -> list[tuple[float, float]]:
     """Return liveliness and start [s] of the windows in which the velocity changes by more than its noise.
 
     Parameters
     ----------
     log, margin
-        As of `liveliest`.
+        As of `choose_liveliest`.
     """
     time, _, _, at, velocity_n, sigma = log
     level = velocity_n[:, :2]
@@ -211,12 +217,12 @@ def match(
     prior = np.concatenate((bias, np.zeros(3)))
     prior_sigma = np.concatenate((np.broadcast_to(gyro_bias_sigma, 3), np.full(3, _FORCE_BIAS_SIGMA)))
     starts = [
-        _fitted(window, C_nb, prior, prior_sigma, lag, _ROUGH, bool(lags))
-        for C_nb in _starts(window, bias)
+        _fit_window(window, C_nb, prior, prior_sigma, lag, _ROUGH, bool(lags))
+        for C_nb in _starting_rotations(window, bias)
         for lag in (lags or (0.0,))
     ]
     best = min(starts, key=lambda one: one[0])
-    cost, C_nb, found, lag, covariance, misfit = _fitted(
+    cost, C_nb, found, lag, covariance, misfit = _fit_window(
         window, best[1], prior, prior_sigma, best[3], _FINE, bool(lags), best[2]
     )
     sigma = np.sqrt(np.diagonal(covariance) * max(1.0, misfit))
@@ -236,7 +242,7 @@ def _total(values: FloatArray) -> FloatArray:
     return made
 
 
-def _starts(window: Window, bias: FloatArray) -> list[Rotation]:
+def _starting_rotations(window: Window, bias: FloatArray) -> list[Rotation]:
     """Return rotations that take the sum of the forces to the change of velocity, less gravity.
 
     The rotation about that vector is arbitrary. It is nearly vertical but for fast, strong manoeuvres.
@@ -244,7 +250,7 @@ def _starts(window: Window, bias: FloatArray) -> list[Rotation]:
     first, last = window.at[0], window.at[-1]
     rows = (window.time[:-1] >= first) & (window.time[1:] <= last)
     steps = np.diff(window.time)[:, None]
-    total = turned(window.dtheta - bias * steps)[:-1].apply(window.dvelocity)[rows].sum(axis=0)
+    total = running_attitudes(window.dtheta - bias * steps)[:-1].apply(window.dvelocity)[rows].sum(axis=0)
     gained = np.nan_to_num(window.velocity_n[-1] - window.velocity_n[0]) - _G * (last - first)
     if not (np.linalg.norm(total) > 0 and np.isfinite(total).all()):
         return [Rotation.from_euler("z", heading) for heading in _HEADINGS]
@@ -253,7 +259,7 @@ def _starts(window: Window, bias: FloatArray) -> list[Rotation]:
     return [Rotation.from_rotvec(-heading * axis) * C for heading in _HEADINGS]
 
 
-def _fitted(
+def _fit_window(
     window: Window,
     C_nb: Rotation,
     prior: FloatArray,

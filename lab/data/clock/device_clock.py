@@ -109,9 +109,9 @@ class DeviceClock:
         if math.isnan(device):
             return self._host
         step = device - self._device
-        return self._host + self._pace * step + float(self._made_up(np.array(step)))
+        return self._host + self._pace * step + float(self._recovered_delay(np.array(step)))
 
-    def _made_up(self, steps: FloatArray) -> FloatArray:
+    def _recovered_delay(self, steps: FloatArray) -> FloatArray:
         """Return how much earlier times are than by the pace alone, for a late beginning; at most 0 [s]."""
         owed = 0.0 if math.isnan(self._owed) else self._owed
         return np.asarray(np.maximum(owed, -LIMITS.made_up * np.maximum(steps, 0.0)))
@@ -129,13 +129,13 @@ class DeviceClock:
         last = float(device[-1])
         step = last - self._device
         if not 0.0 < step < LIMITS.forward:
-            return self._anchored(device, arrival), True
+            return self._anchor_mapping(device, arrival), True
         steps = device - self._device
-        made_up = self._made_up(steps)
+        made_up = self._recovered_delay(steps)
         times = self._host + self._pace * steps + made_up
         late = arrival - float(times[-1])
         if late < -LIMITS.step and step > LIMITS.step:
-            return self._anchored(device, arrival), True
+            return self._anchor_mapping(device, arrival), True
         self._device, self._host = last, float(times[-1])
         if not math.isnan(self._owed):
             self._owed -= float(made_up[-1])
@@ -145,11 +145,11 @@ class DeviceClock:
             self._look_ends = arrival + LIMITS.look
         elif arrival >= self._look_ends:
             if self.counted and self._least > LIMITS.step:
-                return self._anchored(device, arrival), True
+                return self._anchor_mapping(device, arrival), True
             self._follow(arrival)
         return times, False
 
-    def _anchored(self, device: FloatArray, arrival: float) -> FloatArray:
+    def _anchor_mapping(self, device: FloatArray, arrival: float) -> FloatArray:
         """Begin the mapping with these samples: the last of them has no delay."""
         self.steps += 1
         last = float(device[-1])

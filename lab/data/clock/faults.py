@@ -108,7 +108,7 @@ class UsualInterval:
         return usual
 
 
-def continued(time: FloatArray, period: float, slack: float) -> FloatArray:
+def continue_times(time: FloatArray, period: float, slack: float) -> FloatArray:
     """Return times that go on where they begin again.
 
     Parameters
@@ -139,7 +139,7 @@ def over_rollovers(time: FloatArray, weeks_of: FloatArray) -> tuple[FloatArray, 
     others, period, beside = weeks_of[np.isfinite(weeks_of)], LIMITS.rollover, LIMITS.beside
     if others.size == 0 or not np.isfinite(time).any():
         return time, ""
-    result = continued(time, period, beside)
+    result = continue_times(time, period, beside)
     middle, first, last = float(np.nanmedian(result)), float(others.min()), float(others.max())
     behind = round(((first + last) / 2 - middle) / period)
     if abs(behind) <= LIMITS.rollovers and first - beside < middle + behind * period < last + beside:

@@ -19,7 +19,7 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DAY
-from lab.data.clock.faults import continued
+from lab.data.clock.faults import continue_times
 
 _HOURS_EAST = {
     "Z": 0, "UTC": 0, "UT": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "CEST": 2, "MEZ": 1, "MESZ": 2,
@@ -100,7 +100,7 @@ def seconds_of_texts(texts: Sequence[str]) -> FloatArray:
     texts = _with_zeros(texts)
     sample = next((text for text in texts if text), "")
     if _CLOCK.fullmatch(sample):
-        return continued(np.array([_clock(text) for text in texts]), DAY, DAY / 2)
+        return continue_times(np.array([_clock(text) for text in texts]), DAY, DAY / 2)
     if _OF_HOUR.fullmatch(sample):
         return np.array([_of_hour(text) for text in texts])
     if _IN_LETTERS.fullmatch(sample):
@@ -109,7 +109,7 @@ def seconds_of_texts(texts: Sequence[str]) -> FloatArray:
         return np.array([_of_digits(text) for text in texts])
     pattern = _DATED if _DATED.fullmatch(sample) else _DATED_MONTH_FIRST
     if pattern.fullmatch(sample):
-        return _dated([pattern.fullmatch(text) for text in texts], pattern is _DATED_MONTH_FIRST)
+        return _read_dates([pattern.fullmatch(text) for text in texts], pattern is _DATED_MONTH_FIRST)
     return _dates(texts)
 
 
@@ -162,7 +162,7 @@ def seconds_of_digits(values: FloatArray) -> FloatArray | None:
     last = (hours == _HOURS - 1) & (minutes == _SIXTY - 1)
     if (seconds[known] >= _SIXTY + last[known]).any() or (minutes[known] >= _SIXTY).any():
         return None
-    return continued(np.asarray(hours * _HOUR + minutes * _SIXTY + seconds), DAY, DAY / 2)
+    return continue_times(np.asarray(hours * _HOUR + minutes * _SIXTY + seconds), DAY, DAY / 2)
 
 
 def over_leap_second(time: FloatArray, of_day: bool) -> tuple[FloatArray, bool]:
@@ -264,7 +264,7 @@ def _day(year: int, month: int, day: int) -> float:
         return np.nan
 
 
-def _dated(found: Sequence[re.Match[str] | None], month_first: bool) -> FloatArray:
+def _read_dates(found: Sequence[re.Match[str] | None], month_first: bool) -> FloatArray:
     """Return the seconds of dates, with a time of day or without."""
     dates = [one.group(1, 2, 3) if one else None for one in found]
     kinds = set(dates) - {None}

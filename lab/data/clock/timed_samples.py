@@ -143,13 +143,13 @@ class ReadingTimes:
         believed = (sigma > _SIGMAS[0]) & (sigma < _SIGMAS[1])
         made["heading_sigma"] = np.where(believed & np.isfinite(rows["heading"]), sigma, np.nan)
         for name in self._latest:
-            time = np.where(_known(made[name]), made["time"], np.nan)
+            time = np.where(_mask_known(made[name]), made["time"], np.nan)
             made[name][~increasing(time, self._latest[name])] = np.nan
             self._latest[name] = float(np.fmax.reduce(time, initial=self._latest[name]))
-        return np.asarray(made[np.logical_or.reduce([_known(made[name]) for name in self._latest])])
+        return np.asarray(made[np.logical_or.reduce([_mask_known(made[name]) for name in self._latest])])
 
 
-def _known(values: FloatArray) -> NDArray[np.bool_]:
+def _mask_known(values: FloatArray) -> NDArray[np.bool_]:
     """Return the mask (n,) of the rows with a value: a number, or all of an attitude."""
     known = np.isfinite(values)
     return known if known.ndim == 1 else np.asarray(known.all(axis=1))

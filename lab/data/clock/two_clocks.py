@@ -47,13 +47,14 @@ class ClockRate(NamedTuple):
         side = "fast" if self.ratio > 1 else "slow"
         return (
             f"The clock of the IMU runs {100 * abs(self.ratio - 1):.2g} % {side} (ratio {self.ratio:.4f} ± "
-            f"{self.sigma:.4f}): by the turns, its stamps are {_late(self.first)} at the first and "
-            f"{_late(self.last)} at "
+            f"{self.sigma:.4f}): by the turns, its stamps are {_describe_lateness(self.first)} at the "
+            "first and "
+            f"{_describe_lateness(self.last)} at "
             "the last. The stamps are used as they are; divide the times of the IMU by the ratio."
         )
 
 
-def _late(seconds: float) -> str:
+def _describe_lateness(seconds: float) -> str:
     return f"{abs(seconds):.2f} s {'late' if seconds >= 0 else 'early'}"
 
 
@@ -75,7 +76,7 @@ def clock_rate(
     velocity_n : (m, 3) array
         Velocities [m/s]; NaN where unknown.
     """
-    start, end, turn = _turns(fix_time, position, velocity_n)
+    start, end, turn = _find_turns(fix_time, position, velocity_n)
     inside = (start > time[0] + LIMITS.offset) & (end < time[-1] - LIMITS.offset)
     start, end, turn = start[inside], end[inside], turn[inside]
     if turn.size < LIMITS.legs or not np.std(turn) > 0:
@@ -94,11 +95,11 @@ def clock_rate(
     rates = np.linspace(-1, 1, 2 * count + 1) * LIMITS.ratio
     found = min(itertools.product(offsets, rates), key=lambda one: first.cost(*one))
     while True:
-        found, sigma = legs.until(known).refined(*found)
+        found, sigma = legs.until(known).refine_offset(*found)
         if known >= span:
             break
         known = min(2 * known, span)
-    constant, _ = legs.refined(
+    constant, _ = legs.refine_offset(
         *min(itertools.product(offsets, (0.0,)), key=lambda one: legs.cost(*one)), free=1
     )
     left, without = legs.cost(*found), legs.cost(*constant)
@@ -140,7 +141,7 @@ class _Legs(NamedTuple):
         """Return the sum of squares of what is left."""
         return float(np.sum(self.left(offset, rate) ** 2))
 
-    def refined(self, offset: float, rate: float, free: int = 2) -> tuple[tuple[float, float], float]:
+    def refine_offset(self, offset: float, rate: float, free: int = 2) -> tuple[tuple[float, float], float]:
         """Return the best offset and rate near some, and σ of the rate; with one free, the rate stays."""
         steps = LIMITS.offset_step * np.array((1.0, 1 / float(self.end[-1] - self.start[0])))
         best, reach = np.array((offset, rate)), 1.0
@@ -162,7 +163,7 @@ class _Legs(NamedTuple):
         return np.asarray(np.linalg.pinv(np.transpose(slopes)))
 
 
-def _turns(
+def _find_turns(
     time: FloatArray, position: FloatArray, velocity_n: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return from when to when, and by how much, the course changes between fixes."""

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.base.files.file_content import ZIP, unzipped, whole
+from lab.base.files.file_content import ZIP, read_whole, unzip_files
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
@@ -120,7 +120,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, is of another version, or has too few positions.
     """
     path = one_file(paths, NAME, fixed=units)
-    data = _text(path, whole(path, MAX_BYTES))
+    data = _text(path, read_whole(path, MAX_BYTES))
     version = _VERSION.search(data[:1000])
     if _HEAD.match(data) is None or version is None or not version[1].startswith(_VERSIONS.encode()):
         said = version[1].decode() if version else "none"
@@ -136,7 +136,7 @@ def _text(path: Path, data: bytes) -> bytes:
     if not data.startswith(ZIP):
         return data
     ending = _ENDING.decode()
-    found = unzipped(
+    found = unzip_files(
         path, data, lambda names: [one for one in names if one.lower().endswith(ending)][:1], MAX_BYTES
     )
     if not found:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
 from lab.data.files import sdlog2, streams
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile, Log, parameters_of
@@ -78,7 +78,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, or has no velocity and position that can be used.
     """
     path = one_file(paths, NAME, fixed=units)
-    log, times = opened(path, _FLIGHT)
+    log, times = open_log(path, _FLIGHT)
     gps = _messages(times, "GPS")
     filtered = [
         Stream.of_fields("velocity", _messages(times, name), "VN", "VE", "VD")
@@ -87,7 +87,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     velocity = streams.first_usable((*filtered, _gps_velocity(gps)))
     own = [_messages(times, name) for name in ("POS", "AHR2")]
     position = streams.first_usable(
-        (*(Stream.of_place("position", one, _place(one)) for one in own), _gps_position(gps))
+        (*(Stream.of_place("position", one, _read_place(one)) for one in own), _gps_position(gps))
     )
     parameters = parameters_of(log)
     geoid = _geoid(times, parameters)
@@ -98,16 +98,16 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     remarks.append(SEA_LEVEL if geoid is None else f"{_ABOVE_ELLIPSOID} ({geoid:.1f} m).")
     if climb:
         remarks.append("The vertical velocity is not recorded: it is the slope of the GPS's heights.")
-    flight = streams.flight_of(
+    flight = streams.make_flight(
         path,
         NAME,
         velocity,
         position,
         _attitude(times),
         units=units_of_the_format(_UNITS),
-        remarks=(*remarks, *streams.not_decoded(log.lost_bytes)),
+        remarks=(*remarks, *streams.undecoded_remark(log.lost_bytes)),
         vehicle=_vehicle(log, parameters),
-        there_is=lambda: _what_there_is(log, times, gps),
+        there_is=lambda: _describe_messages(log, times, gps),
     )
     return replace(flight, made=(VERTICAL_VELOCITY,)) if climb else flight
 
@@ -120,12 +120,12 @@ def read_log(path: Path) -> SensorLog:
     MissionError
         If the file cannot be read or is too large, has no IMU or no GPS, or they cannot be navigated with.
     """
-    log, times = opened(path, _SENSORS)
+    log, times = open_log(path, _SENSORS)
     gps = _messages(times, "GPS")
     missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
     said = f"the log does not have {missing} with a time; accepted are logs with both."
     imu = streams.usable_imu(
-        path, None if gps is None else _imu(times), f"{said} {_what_there_is(log, times, gps)}"
+        path, None if gps is None else _imu(times), f"{said} {_describe_messages(log, times, gps)}"
     )
     assert gps is not None
     parameters = parameters_of(log)
@@ -133,9 +133,9 @@ def read_log(path: Path) -> SensorLog:
     gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times, parameters), parameters, instances)
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
-    compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
+    compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _mask_fixed(gps))
     made = streams.checked_log(path, imu, gnss, AuxiliaryData(_vehicle(log, parameters), compass, headings))
-    remarks = [*_instance_remarks(times), *streams.not_decoded(log.lost_bytes)]
+    remarks = [*_instance_remarks(times), *streams.undecoded_remark(log.lost_bytes)]
     remarks += [_clock_remark(times)] if times.unstamped else []
     return replace(made, repairs=(*made.repairs, *remarks))
 
@@ -143,7 +143,7 @@ def read_log(path: Path) -> SensorLog:
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
     return streams.usable_imu(
-        path, _imu(opened(path, _SENSORS)[1]), "the log does not have an IMU (IMU) with a time"
+        path, _imu(open_log(path, _SENSORS)[1]), "the log does not have an IMU (IMU) with a time"
     )
 
 
@@ -151,9 +151,9 @@ def _imu(times: MessageTimes) -> Stream | None:
     return Stream.of_fields("IMU", _messages(times, "IMU"), "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 
 
-def opened(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
+def open_log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
     """Return a log with the messages that are wanted, and their times; or raise `MissionError`."""
-    data = whole(path, streams.MAX_LOG_BYTES)
+    data = read_whole(path, streams.MAX_LOG_BYTES)
     if not recognises(data[:_HEAD]):
         raise MissionError(f"{path}: is no {NAME} log")
     log: Log = DataFlashFile.of(data, wanted) if data.startswith(MAGIC) else DataFlashText(data, wanted)
@@ -170,13 +170,13 @@ def _clock_remark(times: MessageTimes) -> str:
     return remark
 
 
-def _what_there_is(log: Log, times: MessageTimes, gps: Messages | None) -> str:
+def _describe_messages(log: Log, times: MessageTimes, gps: Messages | None) -> str:
     """Return which messages a log has, and what is wrong with those of the GPS."""
     said = f"It has {', '.join(log.names) or 'none of the messages used'}"
     untimed = [name for name in log.names if name not in ("MSG", "PARM") and times.of(name) is None]
     if untimed:
         said += f"; of these {', '.join(untimed)} cannot be used: no time (TimeUS, TimeMS), or damaged"
-    if gps is not None and not (_fixed(gps) & np.isfinite(gps[TIME])).any():
+    if gps is not None and not (_mask_fixed(gps) & np.isfinite(gps[TIME])).any():
         said += f"; {_no_fix(gps)}"
     return said
 
@@ -207,7 +207,7 @@ def _counts(times: MessageTimes, name: str) -> tuple[float, dict[float, int]]:
     messages = times.of(name)
     if messages is None or "I" not in messages:
         return 0.0, {}
-    fine = _fixed(messages) if name == "GPS" else np.ones(len(messages[TIME]), dtype=bool)
+    fine = _mask_fixed(messages) if name == "GPS" else np.ones(len(messages[TIME]), dtype=bool)
     fine = fine & np.isfinite(messages[TIME])
     counts = {float(one): int(fine[messages["I"] == one].sum()) for one in np.unique(messages["I"])}
     most = max(counts.values(), default=0)
@@ -227,9 +227,9 @@ def _instance_remarks(times: MessageTimes) -> list[str]:
     return remarks
 
 
-def _place(messages: Messages | None) -> FloatArray | None:
+def _read_place(messages: Messages | None) -> FloatArray | None:
     """Return latitude, longitude [rad] and height [m]."""
-    return streams.place_of(messages, "Lat", "Lng", "Alt")
+    return streams.read_place(messages, "Lat", "Lng", "Alt")
 
 
 def _geoid(times: MessageTimes, parameters: Mapping[str, float]) -> float | None:
@@ -246,7 +246,7 @@ def _geoid(times: MessageTimes, parameters: Mapping[str, float]) -> float | None
     return geoid if _NOVATEL in (parameters.get(name) for name in names) else -geoid
 
 
-def _fixed(gps: Messages) -> NDArray[np.bool_]:
+def _mask_fixed(gps: Messages) -> NDArray[np.bool_]:
     status = gps.get("Status")
     if status is None:
         return np.ones(len(gps[TIME]), dtype=bool)
@@ -255,12 +255,12 @@ def _fixed(gps: Messages) -> NDArray[np.bool_]:
 
 
 def _gps_position(gps: Messages | None) -> Stream | None:
-    return Stream.of_place("GPS position", gps, _place(gps), None if gps is None else _fixed(gps))
+    return Stream.of_place("GPS position", gps, _read_place(gps), None if gps is None else _mask_fixed(gps))
 
 
 def _over_ground(gps: Messages) -> FloatArray | None:
     """Return velocity north, east, down of speed, course and vertical speed; NaN down if that is missing."""
-    values = streams.columns_of(gps, "Spd", "GCrs")
+    values = streams.stack_fields(gps, "Spd", "GCrs")
     if values is None:
         return None
     speed, angle = values[:, 0], np.radians(values[:, 1])
@@ -273,19 +273,21 @@ def _gps_velocity(gps: Messages | None) -> Stream | None:
     if gps is None or velocity is None:
         return None
     if "VZ" in gps:
-        return Stream.of("GPS velocity", gps[TIME], velocity, _fixed(gps))
+        return Stream.of("GPS velocity", gps[TIME], velocity, _mask_fixed(gps))
     position = _gps_position(gps)
     if position is None or not position.usable:
         return None
     climb = slope(position.time, position.values[:, 2])
     velocity[:, 2] = -np.interp(gps[TIME], position.time, climb)
-    return Stream.of(_WITHOUT_CLIMB, gps[TIME], velocity, _fixed(gps))
+    return Stream.of(_WITHOUT_CLIMB, gps[TIME], velocity, _mask_fixed(gps))
 
 
 def _attitude(times: MessageTimes) -> Stream | None:
     """Return the attitude as quaternions: the filter's own, unless ATT is logged more often."""
     found = [
-        streams.attitude_of(Stream.of_fields("attitude", _messages(times, name), "Q1", "Q2", "Q3", "Q4"))
+        streams.make_attitude_stream(
+            Stream.of_fields("attitude", _messages(times, name), "Q1", "Q2", "Q3", "Q4")
+        )
         for name in ("NKQ", "XKQ")
     ]
     att = Stream.of_fields("attitude", _messages(times, "ATT"), "Roll", "Pitch", "Yaw")
@@ -299,21 +301,23 @@ def _gnss(
     parameters: Mapping[str, float],
     instances: tuple[int, int],
 ) -> GnssLog:
-    time, place = gps[TIME], _place(gps)
+    time, place = gps[TIME], _read_place(gps)
     if place is not None:
         place[:, 2] += geoid or 0.0
     number = instances[1] + 1
     names = f"GPS{number}_DELAY_MS", "GPS_DELAY_MS" if number == 1 else f"GPS_DELAY_MS{number}"
     late = max(parameters.get(name, 0.0) for name in names)
     late = late or parameters.get("EKF_POS_DELAY", 0.0)  # of the first filter, until 2016
-    sigmas = [_nearest(time, accuracy, name) for name in ("HAcc", "VAcc", "SAcc")]
+    sigmas = [_nearest_values(time, accuracy, name) for name in ("HAcc", "VAcc", "SAcc")]
     of_imu = f"INS_POS{instances[0] + 1}_"
-    arm = streams.lever_arm_of(parameters, ((f"GPS{number}_POS_", of_imu), (f"GPS_POS{number}_", of_imu)))
+    arm = streams.read_lever_arm(parameters, ((f"GPS{number}_POS_", of_imu), (f"GPS_POS{number}_", of_imu)))
     delay, once = streams.gps_delay(1e-3 * late), "TimeUS" not in gps
-    return streams.gnss_of(time, place, _over_ground(gps), sigmas, _fixed(gps), arm, delay, once=once)
+    return streams.make_gnss_log(
+        time, place, _over_ground(gps), sigmas, _mask_fixed(gps), arm, delay, once=once
+    )
 
 
-def _nearest(time: FloatArray, messages: Messages | None, name: str) -> FloatArray:
+def _nearest_values(time: FloatArray, messages: Messages | None, name: str) -> FloatArray:
     """Return the value of the nearest message at each time; NaN without one nearby."""
     if messages is None or name not in messages:
         return np.full_like(time, np.nan)
@@ -343,7 +347,7 @@ def magnetometer_of(messages: Messages | None) -> Magnetometer | None:
     messages
         The messages MAG of one compass, with their times.
     """
-    field = streams.columns_of(messages, "MagX", "MagY", "MagZ")
+    field = streams.stack_fields(messages, "MagX", "MagY", "MagZ")
     if messages is None or field is None:
         return None
     healthy = messages.get("Health", np.ones(len(field))) != 0

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.base.files.mission_error import MissionError
-from lab.data.files.ardupilot import opened
+from lab.data.files.ardupilot import open_log
 from lab.data.files.dataflash_file import Log, parameters_of
 from lab.data.files.dataflash_time import MessageTimes
 from lab.data.files.streams import TIME, Messages
@@ -106,7 +106,7 @@ def read(path: Path) -> FilterLog:
         If the file cannot be read, or the log has no innovations with test ratios.
     """
     names = [name for kind in _KINDS for name in (kind.innovations, kind.ratios, kind.states)]
-    log, times = opened(path, (*names, *_OTHERS))
+    log, times = open_log(path, (*names, *_OTHERS))
     parameters = parameters_of(log)
     flown = parameters.get("AHRS_EKF_TYPE")
     kinds = sorted(_KINDS, key=lambda kind: f"EK{flown or 3:.0f}" != kind.parameters)
@@ -128,9 +128,9 @@ def _filter_log(
     path: Path, kind: _Kind, log: Log, times: MessageTimes, lanes: list[Lane], ratios: Messages
 ) -> FilterLog:
     cores = [int(lane.name.rsplit(" ", 1)[1]) for lane in lanes]
-    primary, events = _selected(kind, ratios, cores)
+    primary, events = _read_selected_lane(kind, ratios, cores)
     own = _of_core(ratios, cores[primary])
-    events += _resets(kind, own) + _flagged(kind, own) + _messages(log, times)
+    events += _resets(kind, own) + _flag_events(kind, own) + _messages(log, times)
     events += [event for one in lanes[primary].innovations for event in rejections(one, kind.name)]
     return FilterLog.of(path, kind.name, lanes, primary, events, _flags(kind, own), float(own[TIME][0]))
 
@@ -213,7 +213,7 @@ def _track(kind: _Kind, times: MessageTimes, core: float) -> Track | None:
     return track_of(time, place, sigma, source)
 
 
-def _selected(kind: _Kind, ratios: Messages, cores: list[int]) -> tuple[int, list[Event]]:
+def _read_selected_lane(kind: _Kind, ratios: Messages, cores: list[int]) -> tuple[int, list[Event]]:
     chosen = ratios.get("PI")
     if chosen is None:
         return 0, []
@@ -231,7 +231,7 @@ def _resets(kind: _Kind, own: Messages) -> list[Event]:
     return [Event(at, "reset", text.format(at), source) for at in sorted(found)]
 
 
-def _flagged(kind: _Kind, own: Messages) -> list[Event]:
+def _flag_events(kind: _Kind, own: Messages) -> list[Event]:
     events = []
     for field, bits, event, said in (
         ("FS", _FAULTS, "fault", "reported {what}"),

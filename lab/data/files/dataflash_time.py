@@ -122,11 +122,11 @@ class MessageTimes:
         step = float(at[-1] - at[0]) / (len(at) - 1)
         # Messages of other kinds shift single ones; the mean over seconds does not.
         reach = int(min(_AVERAGED / max(step, _MIN_STEP), len(at) - 1, _MAX_AVERAGED))
-        time[known] = np.maximum.accumulate(step * count + _averaged(at - step * count, reach))
+        time[known] = np.maximum.accumulate(step * count + _average_neighbours(at - step * count, reach))
         return time
 
 
-def _averaged(values: FloatArray, reach: int) -> FloatArray:
+def _average_neighbours(values: FloatArray, reach: int) -> FloatArray:
     """Return the means over as many neighbours on both sides, at most `reach`."""
     total = np.concatenate(([0.0], np.cumsum(values)))
     place = np.arange(len(values))

@@ -94,7 +94,7 @@ def read(path: Path) -> FilterLog:
     columns = [Column(time, -_MAX_VALUE, _MAX_VALUE)]
     for cell, part in parts.items():
         columns.append(Column(cell, -_MAX_VALUE, _MAX_VALUE, may_be_empty=True))
-        columns.append(Column(_sigma_of(cell), 0.0, _MAX_VALUE, may_be_empty=True))
+        columns.append(Column(_sigma_in_cell(cell), 0.0, _MAX_VALUE, may_be_empty=True))
         columns.append(Column(f"{part.name}_ratio", 0.0, _MAX_VALUE, required=False, may_be_empty=True))
     columns += [
         Column(cell, -_MAX_VALUE, _MAX_VALUE, required=False, may_be_empty=True)
@@ -141,12 +141,12 @@ def _parts(header: list[str], states: set[str]) -> dict[str, _Part]:
     parts = {}
     for cell in header:
         found = _HEADING.fullmatch(cell)
-        if found and not found["kind"] and cell not in states and _sigma_of(cell) in header:
+        if found and not found["kind"] and cell not in states and _sigma_in_cell(cell) in header:
             parts[cell] = _Part(found["name"], found["axis"] or "", found["unit"] or "")
     return parts
 
 
-def _sigma_of(cell: str) -> str:
+def _sigma_in_cell(cell: str) -> str:
     name, space, rest = cell.partition(" ")
     return f"{name}_sigma{space}{rest}"
 
@@ -161,7 +161,7 @@ def _innovations(
         time,
         np.column_stack([values[cell] for cell in parts]),
         first,
-        variance=np.column_stack([values[_sigma_of(cell)] for cell in parts]) ** 2,
+        variance=np.column_stack([values[_sigma_in_cell(cell)] for cell in parts]) ** 2,
         ratio=values.get(f"{part.name}_ratio"),
     )
 

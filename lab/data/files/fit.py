@@ -22,7 +22,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DAY
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
@@ -69,7 +69,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, holds too few positions, or fitdecode is not installed.
     """
     path = one_file(paths, NAME, fixed=units)
-    data = whole(path, MAX_LOG_BYTES)
+    data = read_whole(path, MAX_LOG_BYTES)
     if not recognises(data):
         raise MissionError(f"{path}: is no {NAME} file")
     points = Points()

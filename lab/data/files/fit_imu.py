@@ -138,7 +138,7 @@ def tables(path: Path, data: bytes) -> list[tuple[str, bytes]]:
                 "a log are files with both and with positions, as of cameras"
             )
     (time, rates), (others, forces) = sensors[_GYRO].samples, sensors[_ACCELEROMETER].samples
-    imu = np.column_stack((time, rates, _at(time, others, forces)))
+    imu = np.column_stack((time, rates, _interpolate_values(time, others, forces)))
     imu = imu[np.isfinite(imu).all(axis=1)]
     kind = points.best(path)
     fixes = kind.fixes
@@ -150,7 +150,7 @@ def tables(path: Path, data: bytes) -> list[tuple[str, bytes]]:
     ]
 
 
-def _at(time: FloatArray, own: FloatArray, values: FloatArray) -> FloatArray:
+def _interpolate_values(time: FloatArray, own: FloatArray, values: FloatArray) -> FloatArray:
     """Return values (n, 3) at other times, NaN in gaps."""
     if len(own) < 2:
         return np.full((len(time), 3), np.nan)

@@ -91,7 +91,7 @@ class _Points:
                 f"{self._path}: has no track points.{what} Accepted is a GPX file with a track (trk); "
                 "routes and waypoints have no times"
             )
-        kept = self._continued(segments)
+        kept = self._find_longest_segment(segments)
         lines = np.array(self._lines, dtype=np.int64)
         values = {name: np.array(column)[kept] for name, column in self._columns.items()}
         timed = np.isfinite(values["time"])
@@ -127,7 +127,7 @@ class _Points:
             self._lines = array("q", np.array(self._lines)[kept])
         return segments[kept]
 
-    def _continued(self, segments: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _find_longest_segment(self, segments: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which points belong to the longest segment, or to an adjacent one on the same path."""
         time, latitude, longitude = (np.array(self._columns[name]) for name in ("time", "lat", "lon"))
         on_earth = (np.abs(latitude) <= LATITUDES[1]) & (np.abs(longitude) <= LONGITUDES[1])
@@ -144,7 +144,7 @@ class _Points:
                 first, then = (one, other) if one[0] < other[0] else (other, one)
                 pause = time[then[0]] - time[first[-1]]
                 ends = np.array((first[-1], then[0]))
-                distance = np.linalg.norm(np.diff(_place(latitude[ends], longitude[ends]), axis=0))
+                distance = np.linalg.norm(np.diff(_place_in_ecef(latitude[ends], longitude[ends]), axis=0))
                 if not (0 <= pause <= _MAX_PAUSE and distance <= _MAX_APART + _MAX_PAUSE_SPEED * pause):
                     break
                 kept |= segments == segments[other[0]]
@@ -187,7 +187,7 @@ class _Points:
             self._vehicle = text.strip()[:_MAX_VEHICLE]
 
 
-def _place(latitude: NDArray[np.float64], longitude: NDArray[np.float64]) -> NDArray[np.float64]:
+def _place_in_ecef(latitude: NDArray[np.float64], longitude: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return places on the ellipsoid (n, 3) [m]."""
     angles = np.radians((latitude, longitude))
     return ecef.position(np.column_stack((*angles, np.zeros_like(latitude))))

@@ -120,26 +120,26 @@ class _Records:
         found = _FIX.match(record)
         cells = {name: record[where].strip() for name, where in self._extensions.items()}
         if found is None or not all(cell.isdigit() for cell in cells.values()):
-            self._unreadable(line)
+            self._count_unreadable(line)
             return
         hour, minute, second, *place, valid, pressure, height = found.groups()
         fixed = valid == b"A"
         latitude = _degrees(place[:3], cells.get("LAD", b""))
         longitude = _degrees(place[3:], cells.get("LOD", b""))
         if np.isnan(latitude + longitude):
-            self._unreadable(line)
+            self._count_unreadable(line)
             return
-        self._now = self._follows(
+        self._now = self._continue_day(
             3600.0 * int(hour) + 60.0 * int(minute) + float(second + b"." + cells.get("TDS", b"0"))
         )
         if self.fixes.add(self._now, latitude if fixed else UNKNOWN, longitude, _metres(height), line):
             self.pressure.append(_metres(pressure))
 
-    def _unreadable(self, line: int) -> None:
+    def _count_unreadable(self, line: int) -> None:
         self.broken += 1
         self.first_broken = self.first_broken or line
 
-    def _follows(self, time_of_day: float) -> float:
+    def _continue_day(self, time_of_day: float) -> float:
         """Return seconds since the first day began."""
         if np.isnan(self._now):
             return time_of_day

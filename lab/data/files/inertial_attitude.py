@@ -73,12 +73,12 @@ def inertial_attitude(
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and only this needs it
     from scipy.spatial.transform import Slerp  # noqa: PLC0415
 
-    from lab.motion.kinematics.running_turns import turned  # noqa: PLC0415 - likewise
+    from lab.motion.kinematics.running_turns import running_attitudes  # noqa: PLC0415 - likewise
 
     if time[-1] - time[0] < _MIN_INTERVALS * _INTERVAL:
         return None
     # Attitude against that of the first instant, by the midpoint rule (Groves 5.3, without coning).
-    attitude = turned(np.diff(imu_time)[:, None] * (rate[1:] + rate[:-1]) / 2)
+    attitude = running_attitudes(np.diff(imu_time)[:, None] * (rate[1:] + rate[:-1]) / 2)
     integral = CubicSpline(imu_time, attitude.apply(force)).antiderivative()
     # The same in inertial axes that are those of the Earth at the first time (Wu 2011, eq. 8).
     C_in = _inertial_axes(time - time[0], place)

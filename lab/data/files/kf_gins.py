@@ -28,7 +28,7 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import LATITUDES, LONGITUDES, MIN_SAMPLES
-from lab.base.files.file_content import TextBlocks, content, whole
+from lab.base.files.file_content import TextBlocks, content, read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import STANDARD_GRAVITY, WEEK
@@ -38,7 +38,7 @@ from lab.data.files.fields import units_of_the_format
 from lab.data.files.streams import Stream
 from lab.data.files.track import Track
 from lab.data.log.auxiliary_data import AuxiliaryData, Reference
-from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repair_log
 from lab.data.rebuild.raw_flight import Dropped, RawFlight
 from lab.motion.frames.earth import SEMI_MAJOR_AXIS
 
@@ -103,10 +103,10 @@ class _Rows(NamedTuple):
 
 def recognises(head: bytes) -> bool:
     """Return whether the first bytes of a file are rows of one of the three kinds."""
-    return bool(_kind_of(head)[0])
+    return bool(_recognise_kind(head)[0])
 
 
-def _kind_of(head: bytes) -> tuple[str, int]:
+def _recognise_kind(head: bytes) -> tuple[str, int]:
     """Return the kind of a file and its columns that are read, by its first bytes; empty for another one."""
     if not _is_text(head):
         rows = np.frombuffer(head[: len(head) // _BINARY_ROW * _BINARY_ROW], "<f8").reshape(-1, 7)
@@ -287,7 +287,7 @@ def read_logs(
     fixes = _fixes(files[GNSS].values)
     reference = _reference(files[SOLUTION].values) if SOLUTION in files else None
     auxiliary = AuxiliaryData(vehicle=vehicle)
-    log = repaired(
+    log = repair_log(
         name, _seconds(imu.values[:, 0]), samples, fixes, reference, increments=True, auxiliary=auxiliary
     )
     check_log(log)
@@ -357,14 +357,14 @@ def _files(paths: Sequence[Path], units: Mapping[str, str]) -> dict[str, _Rows]:
 def _rows(path: Path) -> _Rows:
     """Return the rows of a file."""
     data = next(iter(content(path, MAX_BYTES, 2**16)), b"")
-    kind, columns = _kind_of(data)
+    kind, columns = _recognise_kind(data)
     if not kind:
         raise MissionError(
             f"{path}: is no {NAME} file; accepted are rows of an IMU (7 columns), of positions with σ (7 or "
             f"{_WITH_VELOCITY}), or of a solution (11), separated by blanks"
         )
     if not _is_text(data):
-        samples = whole(path, MAX_BYTES)
+        samples = read_whole(path, MAX_BYTES)
         count = len(samples) // _BINARY_ROW
         values = np.frombuffer(samples, "<f8", count * 7).reshape(-1, 7)
         kept = np.isfinite(values).all(axis=1)
@@ -377,7 +377,7 @@ def _rows(path: Path) -> _Rows:
     with TextBlocks(path, MAX_BYTES, strict=False) as text:
         for block in text.blocks():
             lines = block.split(b"\n")
-            part, bad, first = _parsed(lines, text.next_line, columns)
+            part, bad, first = _parse_lines(lines, text.next_line, columns)
             parts.append(part)
             lost += bad
             first_lost = first_lost or first
@@ -386,7 +386,7 @@ def _rows(path: Path) -> _Rows:
     return _Rows(path, kind, table[:, 1:], table[:, 0], lost, first_lost)
 
 
-def _parsed(lines: Sequence[bytes], number: int, columns: int) -> tuple[FloatArray, int, int]:
+def _parse_lines(lines: Sequence[bytes], number: int, columns: int) -> tuple[FloatArray, int, int]:
     """Return line numbers and leading columns of lines, how many cannot be read, and the first of those."""
     with contextlib.suppress(ValueError):
         whole_block = np.loadtxt(lines, usecols=range(columns), ndmin=2, comments=None)

@@ -51,7 +51,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     tracks = _Tracks()
     broken = read_elements(path, NAME, tracks)
     if not tracks.times or not tracks.latitude:
-        raise MissionError(f"{path}: {_nothing(tracks, broken)}; {_ACCEPTED}")
+        raise MissionError(f"{path}: {_describe_nothing(tracks, broken)}; {_ACCEPTED}")
     fixes, chosen, kept = tracks.fixes()
     times, places = tracks.counts(chosen)
     if times != places and not broken:
@@ -76,7 +76,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     ).flight()
 
 
-def _nothing(tracks: _Tracks, broken: str) -> str:
+def _describe_nothing(tracks: _Tracks, broken: str) -> str:
     what = "has no track with times"
     if tracks.drawn:
         what += f", only {tracks.drawn} drawn lines and points"

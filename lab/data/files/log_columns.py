@@ -79,7 +79,9 @@ FIELD = tuple(
 """Magnetic field along the axes of the IMU."""
 
 
-def one_of(path: Path, table: dict[str, FloatArray], groups: tuple[tuple[str, str, str], ...]) -> FloatArray:
+def choose_group(
+    path: Path, table: dict[str, FloatArray], groups: tuple[tuple[str, str, str], ...]
+) -> FloatArray:
     """Return the one group of three columns that is there."""
     started = [group for group in groups if any(name in table for name in group)]
     choices = " or ".join(", ".join(group) for group in groups)

@@ -58,7 +58,7 @@ def check_values(path: Path, values: Mapping[str, Any]) -> None:
     for key, limit in (("mounting_deg", 360.0), ("lever_arm_m", MAX_LEVER_ARM)):
         _check_three(path, key, values.get(key, [0, 0, 0]), limit)
     for key, limit in (("latency_s", MAX_LATENCY), ("declination_deg", 180.0)):
-        if not _within(values.get(key, 0), limit):
+        if not _is_within(values.get(key, 0), limit):
             raise MissionError(
                 f"{path}: {key} = {values[key]!r}; accepted is a number from {-limit:g} to {limit:g}"
             )
@@ -80,7 +80,7 @@ def _check_axes(path: Path, axes: Any) -> None:
 
 
 def _check_three(path: Path, key: str, numbers: Any, limit: float) -> None:
-    if not (isinstance(numbers, list) and len(numbers) == 3 and all(_within(a, limit) for a in numbers)):
+    if not (isinstance(numbers, list) and len(numbers) == 3 and all(_is_within(a, limit) for a in numbers)):
         raise MissionError(
             f"{path}: {key} = {numbers!r}; accepted are three numbers from {-limit:g} to {limit:g}"
         )
@@ -95,6 +95,6 @@ def _check_comparisons(path: Path, table: Any) -> None:
         )
 
 
-def _within(value: Any, limit: float) -> bool:
+def _is_within(value: Any, limit: float) -> bool:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return number and math.isfinite(value) and abs(value) <= limit

@@ -171,7 +171,7 @@ def read_profile(path: Path) -> Profile:
         if not _are_texts(values.get(key, [])):
             raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is a list of texts")
     columns, defaults = (_table(path, values, key) for key in ("columns", "defaults"))
-    needs = _needs(path, values.get("needs", list(columns)))
+    needs = _read_needs(path, values.get("needs", list(columns)))
     name = values.get("name", "").strip()
     if not name or not needs:
         raise MissionError(
@@ -201,7 +201,7 @@ def _table(path: Path, values: Mapping[str, Any], key: str) -> dict[str, str]:
     return {heading.strip(): text.strip() for heading, text in table.items()}
 
 
-def _needs(path: Path, value: object) -> tuple[tuple[str, ...], ...]:
+def _read_needs(path: Path, value: object) -> tuple[tuple[str, ...], ...]:
     found = [one if isinstance(one, list) else [one] for one in value] if isinstance(value, list) else [[]]
     if not all(one and _are_texts(one) for one in found) or len(found) > _MAX_COLUMNS:
         raise MissionError(

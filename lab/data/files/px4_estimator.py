@@ -23,7 +23,7 @@ import numpy as np
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.data.files.streams import TIME, Messages
-from lab.data.files.ulog import TopicRows, opened
+from lab.data.files.ulog import TopicRows, open_ulog
 from lab.data.files.ulog_file import ULogFile
 from lab.data.log.filter_log import (
     AXES,
@@ -126,7 +126,7 @@ def read(path: Path) -> FilterLog:
     MissionError
         If the file cannot be read, or the log has no innovations that were fused.
     """
-    log = opened(path, _TOPICS)
+    log = open_ulog(path, _TOPICS)
     numbers = log.instances(_INNOVATIONS)
     lanes = [lane for number in numbers[:MAX_LANES] or [0] if (lane := _lane(log, number)) is not None]
     if not lanes:
@@ -135,14 +135,14 @@ def read(path: Path) -> FilterLog:
             f"{_OLD}); it has {', '.join(log.names) or 'no message of an estimator'}. Accepted are logs "
             "with them: set SDLOG_PROFILE to log the estimator"
         )
-    primary, switches = _selected(log, [int(lane.name.rsplit(" ", 1)[1]) for lane in lanes])
+    primary, switches = _read_selected_lane(log, [int(lane.name.rsplit(" ", 1)[1]) for lane in lanes])
     number = int(lanes[primary].name.rsplit(" ", 1)[1])
     selected = _track(_topic(log, _ALL_GLOBAL), _ALL_GLOBAL)
     if selected is not None:  # it is logged more often than that of each instance
         lanes[primary] = replace(lanes[primary], track=selected)
     events = [*switches, *_resets(log, number), *_faults(log, number)]
     events += [event for one in lanes[primary].innovations for event in rejections(one, "EKF2")]
-    flags, fusing = _flags(log, number), _fusing(log, number)
+    flags, fusing = _flags(log, number), _fusion_fraction(log, number)
     return FilterLog.of(path, NAME, lanes, primary, events, flags, fusing)
 
 
@@ -171,8 +171,8 @@ def _innovations(log: ULogFile, number: int) -> list[Innovations]:
         values, variance = _field(innovations, name, measured), _field(variances, name, measured)
         if values is None or variance is None:
             continue
-        ratio = None if ratios is None or tested is None else _largest(ratios, name, tested)
-        used, source = _used(log, number, time, bits), f"{_INNOVATIONS}.{name}"
+        ratio = None if ratios is None or tested is None else _largest_ratio(ratios, name, tested)
+        used, source = _fusion_times(log, number, time, bits), f"{_INNOVATIONS}.{name}"
         one = innovations_of(measured, time, values, source, variance=variance[rows], ratio=ratio, used=used)
         found += [] if one is None else [one]
     return found
@@ -190,7 +190,7 @@ def _old_innovations(log: ULogFile) -> list[Innovations]:
             topic[key].reshape(len(topic[TIME]), -1)[:, own] for key in (field, f"{field}_var")
         )
         if values.shape[1] == len(measured.axes) == variance.shape[1]:
-            used = _used(log, 0, time, bits)
+            used = _fusion_times(log, 0, time, bits)
             one = innovations_of(measured, time, values, f"{_OLD}.{name}", variance=variance, used=used)
             found += [] if one is None else [one]
     return found
@@ -203,7 +203,7 @@ def _field(messages: Messages, name: str, measured: Measured) -> FloatArray | No
     return values if values.shape[1] == len(measured.axes) else None
 
 
-def _largest(ratios: Messages, name: str, rows: np.ndarray) -> FloatArray | None:
+def _largest_ratio(ratios: Messages, name: str, rows: np.ndarray) -> FloatArray | None:
     if name not in ratios:
         return None
     values = ratios[name].reshape(len(ratios[TIME]), -1)[rows]
@@ -217,7 +217,7 @@ def _bits(log: ULogFile, number: int) -> tuple[FloatArray, np.ndarray] | None:
     return status[TIME], status["control_mode_flags"].astype(np.uint64)
 
 
-def _used(log: ULogFile, number: int, time: FloatArray, bits: tuple[int, ...]) -> Flags | None:
+def _fusion_times(log: ULogFile, number: int, time: FloatArray, bits: tuple[int, ...]) -> Flags | None:
     """Return when a measurement was fused; None if the log does not say so."""
     found = _bits(log, number)
     if found is None or not len(found[0]):
@@ -226,7 +226,7 @@ def _used(log: ULogFile, number: int, time: FloatArray, bits: tuple[int, ...]) -
     return np.asarray((found[1][nearest(found[0], time)] & mask) != 0)
 
 
-def _fusing(log: ULogFile, number: int) -> float:
+def _fusion_fraction(log: ULogFile, number: int) -> float:
     found = _bits(log, number)
     if found is None:
         return -np.inf
@@ -247,7 +247,7 @@ def _track(topic: Messages | None, name: str) -> Track | None:
     )
 
 
-def _selected(log: ULogFile, numbers: list[int]) -> tuple[int, list[Event]]:
+def _read_selected_lane(log: ULogFile, numbers: list[int]) -> tuple[int, list[Event]]:
     """Return the index of the lane that was used most of the time, and the changes from one to another."""
     selector = _topic(log, _SELECTOR)
     if selector is None or "primary_instance" not in selector:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.arrays import Flags, FloatArray
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
 from lab.data.files import streams
 from lab.data.files.dataflash_file import MAGIC, DataFlashFile, parameters_of
@@ -70,14 +70,14 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             log.position("GPS position", "GPS", valid=log.fixed),
         )
     )
-    return streams.flight_of(
+    return streams.make_flight(
         path,
         NAME,
         velocity,
         position,
         _attitude(log),
         units=units_of_the_format(_UNITS),
-        remarks=(streams.SWITCHED_ON, SEA_LEVEL, *streams.not_decoded(log.lost_bytes)),
+        remarks=(streams.SWITCHED_ON, SEA_LEVEL, *streams.undecoded_remark(log.lost_bytes)),
         vehicle=log.vehicle,
         there_is=log.what_there_is,
     )
@@ -97,11 +97,18 @@ def read_log(path: Path) -> SensorLog:
     said = f"the log does not have {missing}; accepted are logs with both. {log.what_there_is()}"
     imu = streams.usable_imu(path, None if gps is None else log.imu, said)
     assert gps is not None
-    velocity = streams.columns_of(gps, "VelN", "VelE", "VelD")
+    velocity = streams.stack_fields(gps, "VelN", "VelE", "VelD")
     late = 1e-3 * log.parameters.get("EKF2_GPS_DELAY", log.parameters.get("PE_POS_DELAY_MS", 0.0))
     sigmas = gps.get("EPH"), gps.get("EPV"), None
-    gnss = streams.gnss_of(
-        gps[TIME], _place(gps), velocity, sigmas, log.fixed, np.zeros(3), streams.gps_delay(late), once=True
+    gnss = streams.make_gnss_log(
+        gps[TIME],
+        _read_place(gps),
+        velocity,
+        sigmas,
+        log.fixed,
+        np.zeros(3),
+        streams.gps_delay(late),
+        once=True,
     )
     if not gnss.time.size:
         raise MissionError(f"{path}: {log.no_fix()}; accepted are logs with fixes")
@@ -117,7 +124,7 @@ class _Messages:
     """The messages of a file, with their times."""
 
     def __init__(self, path: Path, wanted: Sequence[str]) -> None:
-        data = whole(path, streams.MAX_LOG_BYTES)
+        data = read_whole(path, streams.MAX_LOG_BYTES)
         if not recognises(data[:_DESCRIBED_WITHIN]):
             raise MissionError(f"{path}: is no {NAME} log")
         self._log = DataFlashFile.of(data, wanted)
@@ -147,7 +154,7 @@ class _Messages:
 
     def position(self, what: str, name: str, valid: Flags | None = None) -> Stream | None:
         messages = self.messages(name)
-        return Stream.of_place(what, messages, _place(messages), valid)
+        return Stream.of_place(what, messages, _read_place(messages), valid)
 
     @property
     def fixed(self) -> Flags | None:
@@ -165,9 +172,9 @@ class _Messages:
         return streams.without_fix("messages of the GPS", len(gps[TIME]), "Fix", gps.get("Fix"))
 
 
-def _place(messages: Messages | None) -> FloatArray | None:
+def _read_place(messages: Messages | None) -> FloatArray | None:
     """Return latitude, longitude [rad] and height [m]."""
-    return streams.place_of(messages, "Lat", "Lon", "Alt")
+    return streams.read_place(messages, "Lat", "Lon", "Alt")
 
 
 def _local_position(log: _Messages) -> Stream | None:
@@ -183,7 +190,7 @@ def _local_position(log: _Messages) -> Stream | None:
 
 def _attitude(log: _Messages) -> Stream | None:
     """Return the attitude as quaternions; until 2015 only the angles were logged."""
-    quaternions = streams.attitude_of(log.stream("attitude", "ATT", "qw", "qx", "qy", "qz"))
+    quaternions = streams.make_attitude_stream(log.stream("attitude", "ATT", "qw", "qx", "qy", "qz"))
     return streams.first_usable(
         (quaternions, streams.attitude_of_angles(log.stream("attitude", "ATT", "Roll", "Pitch", "Yaw")))
     )

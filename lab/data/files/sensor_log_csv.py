@@ -75,9 +75,9 @@ from lab.data.files.log_columns import (
     SIGMA,
     TIME,
     VELOCITY,
+    choose_group,
     columns_or_nan,
     geodetic,
-    one_of,
 )
 from lab.data.files.log_toml import DESCRIPTION_FILE, check_values
 from lab.data.log.auxiliary_data import (
@@ -89,7 +89,7 @@ from lab.data.log.auxiliary_data import (
     Series,
 )
 from lab.data.log.calibration import read_calibration
-from lab.data.log.sensor_log import MIN_IMU_SAMPLES, GnssLog, SensorLog, repaired
+from lab.data.log.sensor_log import MIN_IMU_SAMPLES, GnssLog, SensorLog, repair_log
 from lab.motion.frames.rotation import C_nb_from_euler
 
 _MAX_EMPTY_IMU = 0.1
@@ -234,7 +234,7 @@ class LogFiles:
             ),
         )
         reference = None if self.reference is None else Reference(*_read_solution(self.reference, repairs))
-        log = repaired(
+        log = repair_log(
             str(self.path), time, samples, gnss, reference, increments=increments, auxiliary=auxiliary
         )
         log = replace(log, repairs=(*repairs, *log.repairs))
@@ -281,9 +281,12 @@ class LogFiles:
                 f"{self.imu}: has both increments ({present[0]}) and rates ({rates[0]}); accepted are either"
             )
         if present:
-            gyro, force = one_of(self.imu, table, INCREMENTS[:1]), one_of(self.imu, table, INCREMENTS[1:])
+            gyro, force = (
+                choose_group(self.imu, table, INCREMENTS[:1]),
+                choose_group(self.imu, table, INCREMENTS[1:]),
+            )
         else:
-            gyro, force = one_of(self.imu, table, GYRO), one_of(self.imu, table, FORCE)
+            gyro, force = choose_group(self.imu, table, GYRO), choose_group(self.imu, table, FORCE)
             if "gx_deg_s" in table:
                 gyro = np.radians(gyro)
             if "fx_g" in table:
@@ -320,7 +323,9 @@ class LogFiles:
 
     def _read_field(self, path: Path, repairs: list[str]) -> Magnetometer:
         table, _ = _read(path, (TIME, *FIELD), repairs)
-        time, field = _known(path, table["t_s"], np.stack([table[column.name] for column in FIELD], axis=-1))
+        time, field = _keep_known(
+            path, table["t_s"], np.stack([table[column.name] for column in FIELD], axis=-1)
+        )
         known = None if self.calibration is None else read_calibration(self.calibration).magnetometer
         field = field if known is None else known.removed(field)
         return Magnetometer(time, field @ self._axes().T, float(np.radians(self.declination)))
@@ -460,7 +465,7 @@ def _read_headings(path: Path, repairs: list[str]) -> Headings:
     table, rows = _read(path, (TIME, replace(HEADING[0], required=True), HEADING[1]), repairs)
     heading, sigma = np.radians(columns_or_nan(table, HEADING, rows)).T
     known = np.isfinite(heading)
-    time, heading = _known(path, table["t_s"], heading)
+    time, heading = _keep_known(path, table["t_s"], heading)
     return Headings(time, heading, sigma[known])
 
 
@@ -468,10 +473,10 @@ def _read_series(path: Path, name: str, repairs: list[str]) -> Series:
     """Return the readings of a sensor of the aid table; empty cells are left out."""
     (column,) = (aid.column for aid in SERIES if aid.name == name)
     table, _ = _read(path, (TIME, column), repairs)
-    return Series(*_known(path, table["t_s"], table[column.name]))
+    return Series(*_keep_known(path, table["t_s"], table[column.name]))
 
 
-def _known(path: Path, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _keep_known(path: Path, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the times and values of rows (n,) or (n, m) without empty cells; refuse time that runs back."""
     known = np.isfinite(values) if values.ndim == 1 else np.isfinite(values).all(axis=1)
     if (np.diff(time[known]) < 0).any():

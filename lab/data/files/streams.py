@@ -22,7 +22,7 @@ from lab.data.checks import estimator_resets
 from lab.data.checks.log_check import check_log
 from lab.data.clock.faults import increasing
 from lab.data.log.auxiliary_data import AuxiliaryData
-from lab.data.log.sensor_log import MAX_LEVER_ARM, GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.sensor_log import MAX_LEVER_ARM, GnssLog, SensorLog, believed_sigma, repair_log
 from lab.data.rebuild.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
 from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler
 
@@ -98,7 +98,7 @@ class Stream:
         counter: FloatArray | None = None,
     ) -> Stream | None:
         """Return fields of messages as a stream; None without messages, or if a field is missing."""
-        values = columns_of(messages, *names)
+        values = stack_fields(messages, *names)
         if messages is None or values is None:
             return None
         return cls.of(what, messages[TIME], values, valid, counter)
@@ -182,7 +182,7 @@ class Stream:
         known = inside & (step <= max(_MAX_GAP, _MAX_GAP_STEPS / self.rate))
         # Between the last message before a reset and the first after it nothing is known.
         known &= ~np.isin(after, self.resets) | (time == self.time[after])
-        piece, lengths = self._pieces(time), np.diff(self._edges)
+        piece, lengths = self._number_pieces(time), np.diff(self._edges)
         return np.asarray(known & (lengths[piece] >= MIN_SAMPLES))
 
     def at(self, time: FloatArray) -> FloatArray:
@@ -192,24 +192,24 @@ class Stream:
     def attitude_at(self, time: FloatArray) -> FloatArray:
         """Return quaternions (m, 4) at times at which they are known, of a stream of quaternions."""
 
-        def between(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
+        def interpolate_attitude(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
             spline = RotationSpline(t, Rotation.from_quat(values, scalar_first=True))
             return np.asarray(spline(at).as_quat(scalar_first=True))
 
-        return self._by_pieces(time, between)
+        return self._by_pieces(time, interpolate_attitude)
 
     @property
     def _edges(self) -> NDArray[np.int64]:
         """Where the pieces between resets begin, and the end of the last."""
         return np.concatenate(([0], self.resets, [len(self.time)])).astype(np.int64)
 
-    def _pieces(self, time: FloatArray) -> NDArray[np.int64]:
+    def _number_pieces(self, time: FloatArray) -> NDArray[np.int64]:
         return np.searchsorted(self.time[self.resets], time, side="right")
 
     def _by_pieces(
         self, time: FloatArray, between: Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
     ) -> FloatArray:
-        piece, edges = self._pieces(time), self._edges
+        piece, edges = self._number_pieces(time), self._edges
         found = np.empty((len(time), self.values.shape[1]))
         for number in np.unique(piece):
             rows, part = piece == number, slice(edges[number], edges[number + 1])
@@ -217,16 +217,16 @@ class Stream:
         return found
 
 
-def columns_of(messages: Messages | None, *names: str) -> FloatArray | None:
+def stack_fields(messages: Messages | None, *names: str) -> FloatArray | None:
     """Return fields of messages side by side (n, k); None without messages, or if one is missing."""
     if messages is None or not set(names) <= set(messages):
         return None
     return np.column_stack([messages[name] for name in names])
 
 
-def place_of(messages: Messages | None, *names: str) -> FloatArray | None:
+def read_place(messages: Messages | None, *names: str) -> FloatArray | None:
     """Return latitude, longitude [rad] and height [m] (n, 3) of fields in ° and m; None if one is missing."""
-    place = columns_of(messages, *names)
+    place = stack_fields(messages, *names)
     return None if place is None else place * (np.radians(1.0), np.radians(1.0), 1.0)
 
 
@@ -239,7 +239,7 @@ def is_position(place: FloatArray) -> Flags:
     return np.asarray(on_earth.all(axis=1) & (place[:, :2] != 0).any(axis=1))
 
 
-def attitude_of(quaternions: Stream | None) -> Stream | None:
+def make_attitude_stream(quaternions: Stream | None) -> Stream | None:
     """Return the quaternions, scalar first, whose norm is near 1."""
     if quaternions is None:
         return None
@@ -263,7 +263,7 @@ def gps_delay(seconds: float) -> float:
     return seconds if 0 <= seconds <= MAX_GPS_DELAY else 0.0
 
 
-def lever_arm_of(parameters: Mapping[str, float], pairs: Sequence[tuple[str, str]]) -> FloatArray:
+def read_lever_arm(parameters: Mapping[str, float], pairs: Sequence[tuple[str, str]]) -> FloatArray:
     """Return the lever arm (3,) from the IMU to the antenna that parameters give [m]; zero if it is huge.
 
     Parameters
@@ -283,7 +283,7 @@ def lever_arm_of(parameters: Mapping[str, float], pairs: Sequence[tuple[str, str
     return np.zeros(3)
 
 
-def gnss_of(
+def make_gnss_log(
     time: FloatArray,
     place: FloatArray | None,
     velocity: FloatArray | None,
@@ -325,7 +325,7 @@ def gnss_of(
 
 def checked_log(path: Path, imu: Stream, gnss: GnssLog, auxiliary: AuxiliaryData) -> SensorLog:
     """Return an IMU and fixes as a sensor log, repaired and checked; may raise a `MissionError`."""
-    made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
+    made = repair_log(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
     check_log(made)
     return made
 
@@ -337,7 +337,7 @@ def usable_imu(path: Path, imu: Stream | None, words: str) -> Stream:
     return imu
 
 
-def not_decoded(count: int) -> list[str]:
+def undecoded_remark(count: int) -> list[str]:
     """Return the remark on bytes of a file that are no messages; none without any."""
     return [f"{count} bytes of the file could not be decoded and are left out."] if count else []
 
@@ -359,7 +359,7 @@ def first_usable(streams: Sequence[Stream | None]) -> Stream | None:
     return next((stream for stream in streams if stream is not None and stream.usable), None)
 
 
-def flight_of(
+def make_flight(
     path: Path,
     reader: str,
     velocity: Stream | None,
@@ -402,11 +402,11 @@ def flight_of(
             f"{path}: the log has no {missing} that can be used; accepted are logs of a navigation solution "
             f"or of a GPS receiver with its velocity{said}"
         )
-    velocity, position, attitude = _watched(velocity, position, attitude)
+    velocity, position, attitude = _watch_resets(velocity, position, attitude)
     base = attitude if attitude is not None and attitude.rate > velocity.rate else velocity
     used = [stream for stream in (velocity, position, attitude) if stream is not None]
     others = [stream for stream in used if stream is not base]
-    kept, unknown = _known_together(base, others)
+    kept, unknown = _mask_known_together(base, others)
     time = base.time[kept]
     if len(time) < MIN_SAMPLES:
         raise MissionError(
@@ -433,12 +433,12 @@ def flight_of(
         units=units,
         remarks=tuple(remarks),
         vehicle=vehicle,
-        rates=_slower(base, velocity, position, attitude),
+        rates=_list_slower(base, velocity, position, attitude),
         resets=_resets(velocity, position, attitude),
     )
 
 
-def _known_together(base: Stream, others: Sequence[Stream]) -> tuple[Flags, list[Dropped]]:
+def _mask_known_together(base: Stream, others: Sequence[Stream]) -> tuple[Flags, list[Dropped]]:
     """Return at which times of a stream all others are known, and the report on the other times."""
     kept, dropped = np.ones(len(base.time), dtype=bool), list[Dropped]()
     for other in others:
@@ -455,7 +455,7 @@ def _position_at(position: Stream, time: FloatArray) -> FloatArray:
     return replace(position, values=places).at(time)
 
 
-def _watched(
+def _watch_resets(
     velocity: Stream, position: Stream, attitude: Stream | None
 ) -> tuple[Stream, Stream, Stream | None]:
     """Return the streams with their resets; a receiver has no estimator, and is noisy."""
@@ -480,7 +480,7 @@ def _resets(velocity: Stream, position: Stream, attitude: Stream | None) -> tupl
     return tuple(sorted(found, key=lambda one: one.time))
 
 
-def _slower(
+def _list_slower(
     base: Stream, velocity: Stream, position: Stream, attitude: Stream | None
 ) -> tuple[tuple[str, float], ...]:
     """Return which quantities are logged less often than the samples, and how often [Hz]."""

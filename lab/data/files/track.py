@@ -24,7 +24,14 @@ from lab.base.files.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN
 from lab.base.files.mission_error import MissionError
 from lab.data.clock.faults import increasing
 from lab.data.rebuild.quantisation import value_step
-from lab.data.rebuild.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight, Unmeasured, listed
+from lab.data.rebuild.raw_flight import (
+    VERTICAL_VELOCITY,
+    ColumnUnit,
+    Dropped,
+    RawFlight,
+    Unmeasured,
+    list_dropped,
+)
 from lab.data.rebuild.row_repair import NO_FIX
 from lab.data.rebuild.sample_times import prediction_error
 from lab.data.rebuild.smoothing import (
@@ -126,7 +133,7 @@ class Track:
         self._keep(kept, somewhere, NO_FIX)
         remarks, is_measured = list(self.remarks), False
         down = np.full_like(self.time, np.nan) if self.down is None else self.down
-        has_height = self._has(kept, self.height)
+        has_height = self._has_quantity(kept, self.height)
         if has_height:
             believed = (self.height >= HEIGHTS[0]) & (self.height <= HEIGHTS[1])
             self._keep(kept, believed, f"without a height from {HEIGHTS[0]:g} to {HEIGHTS[1]:g} m")
@@ -137,13 +144,15 @@ class Track:
                 f"{_MIN_KNOWN:.0%} is too few."
             )
         course = np.where(self.speed < _STANDSTILL, np.nan_to_num(self.course), self.course)
-        course = _held(course, self.speed < _MIN_COURSE_SPEED)
-        has_velocity = has_height and self._has(kept, np.where(self.speed <= MAX_SPEED, course, np.nan))
+        course = _hold_course(course, self.speed < _MIN_COURSE_SPEED)
+        has_velocity = has_height and self._has_quantity(
+            kept, np.where(self.speed <= MAX_SPEED, course, np.nan)
+        )
         if has_velocity:
             believed = (self.speed >= 0) & (self.speed <= MAX_SPEED) & np.isfinite(course)
             self._keep(kept, believed, "without a speed and a course")
             falls = np.abs(down) <= MAX_SPEED
-            is_measured = self._has(kept, np.where(falls, down, np.nan))
+            is_measured = self._has_quantity(kept, np.where(falls, down, np.nan))
             if is_measured:
                 self._keep(kept, falls, "without a vertical velocity")
             remarks.append(_MEASURED if is_measured else _SLOPE)
@@ -191,19 +200,19 @@ class Track:
         kept &= fine
 
     @staticmethod
-    def _has(kept: NDArray[np.bool_], values: FloatArray) -> bool:
+    def _has_quantity(kept: NDArray[np.bool_], values: FloatArray) -> bool:
         """Return whether a quantity is known at nearly all points."""
         return bool(kept.any() and np.isfinite(values[kept]).mean() >= _MIN_KNOWN)
 
     def _too_few(self, count: int) -> str:
-        why = listed((*self.dropped, *self._lost))
+        why = list_dropped((*self.dropped, *self._lost))
         return (
             f"{self.path}: {count} of {self.rows_read} points can be used{f' ({why})' if why else ''}; "
             f"accepted is a track of at least {MIN_SAMPLES} points with time and position"
         )
 
 
-def _held(course: FloatArray, slow: NDArray[np.bool_]) -> FloatArray:
+def _hold_course(course: FloatArray, slow: NDArray[np.bool_]) -> FloatArray:
     """Return the course; where a slow receiver leaves it out, the last one known, or the first to come."""
     known = np.flatnonzero(np.isfinite(course))
     if not known.size:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import Flags, FloatArray
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
 from lab.data.files import streams
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
@@ -67,11 +67,11 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, or has no velocity and position that can be used.
     """
     path = one_file(paths, NAME, fixed=units)
-    log = opened(path, _FLIGHT)
+    log = open_ulog(path, _FLIGHT)
     local, place = _topic(log, "vehicle_local_position"), _topic(log, "vehicle_global_position")
     gps = _gps(log)
     velocity = streams.first_usable((_local_velocity(local), _gps_velocity(gps)))
-    values = _place(place, "lat", "lon", ("alt_ellipsoid", "alt"))
+    values = _read_place(place, "lat", "lon", ("alt_ellipsoid", "alt"))
     resets = _counter(place, "lat_lon_reset_counter", "alt_reset_counter")
     own = Stream.of_place("global position", place, values, counter=resets)
     position = streams.first_usable((own, _local_position(local), _gps_position(gps)))
@@ -82,12 +82,12 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     above_ellipsoid = place is not None and "alt_ellipsoid" in place
     if position is not None and not (above_ellipsoid and position.what == "global position"):
         remarks.append(SEA_LEVEL)
-    return streams.flight_of(
+    return streams.make_flight(
         path,
         NAME,
         velocity,
         position,
-        streams.first_usable((streams.attitude_of(quaternions),)),
+        streams.first_usable((streams.make_attitude_stream(quaternions),)),
         units=units_of_the_format(_UNITS),
         remarks=remarks,
         vehicle=_vehicle(log),
@@ -103,7 +103,7 @@ def read_log(path: Path) -> SensorLog:
     MissionError
         If the file cannot be read or is too large, has no IMU or no GPS, or they cannot be navigated with.
     """
-    log = opened(path, _SENSORS)
+    log = open_ulog(path, _SENSORS)
     gps, imu = _gps(log), _imu(log)
     if imu is None or gps is None:
         missing = f"an IMU ({_IMUS})" if imu is None else "a GPS (vehicle_gps_position)"
@@ -123,12 +123,14 @@ def read_log(path: Path) -> SensorLog:
 
 def read_imu(path: Path) -> Stream:
     """Read the IMU alone; `MissionError` if there is none."""
-    return streams.usable_imu(path, _imu(opened(path, _SENSORS)), f"the log does not have an IMU ({_IMUS})")
+    return streams.usable_imu(
+        path, _imu(open_ulog(path, _SENSORS)), f"the log does not have an IMU ({_IMUS})"
+    )
 
 
-def opened(path: Path, wanted: Sequence[str]) -> ULogFile:
+def open_ulog(path: Path, wanted: Sequence[str]) -> ULogFile:
     """Return the content of a ULog, with the topics that are wanted; `MissionError` if it cannot be read."""
-    data = whole(path, streams.MAX_LOG_BYTES)
+    data = read_whole(path, streams.MAX_LOG_BYTES)
     if not data.startswith(MAGIC):
         raise MissionError(f"{path}: is no {NAME}")
     try:
@@ -177,7 +179,7 @@ def _counter(messages: Messages | None, *names: str) -> FloatArray | None:
     return sum(found[1:], start=found[0]) if found else None
 
 
-def _valid(messages: Messages, *flags: str) -> Flags:
+def _mask_valid(messages: Messages, *flags: str) -> Flags:
     """Return which messages (n,) have no flag that is zero."""
     fine = np.ones(len(messages[TIME]), dtype=bool)
     for flag in flags:
@@ -188,30 +190,30 @@ def _valid(messages: Messages, *flags: str) -> Flags:
 def _local_velocity(local: Messages | None) -> Stream | None:
     if local is None:
         return None
-    valid = _valid(local, "v_xy_valid", "v_z_valid")
+    valid = _mask_valid(local, "v_xy_valid", "v_z_valid")
     counter = _counter(local, "vxy_reset_counter", "vz_reset_counter")
     return Stream.of_fields("local velocity", local, "vx", "vy", "vz", valid=valid, counter=counter)
 
 
-def _place(
+def _read_place(
     messages: Messages | None, latitude: str, longitude: str, heights: Sequence[str], angle: float = 1.0,
     length: float = 1.0,
 ) -> FloatArray | None:  # fmt: skip
     """Return latitude, longitude [rad] and height [m] (n, 3) of fields in a unit [°], [m]."""
     height = next((one for one in heights if messages is not None and one in messages), "")
-    place = streams.columns_of(messages, latitude, longitude, height)
+    place = streams.stack_fields(messages, latitude, longitude, height)
     degree = np.radians(1.0)
     return None if place is None else place * (angle, angle, length) * (degree, degree, 1.0)
 
 
 def _local_position(local: Messages | None) -> Stream | None:
     """Return where local coordinates are."""
-    values = streams.columns_of(local, "ref_lat", "ref_lon", "ref_alt", "x", "y", "z")
+    values = streams.stack_fields(local, "ref_lat", "ref_lon", "ref_alt", "x", "y", "z")
     if local is None or values is None:
         return None
     position = on_map(values[:, :3] * (np.radians(1.0), np.radians(1.0), 1.0), values[:, 3:])
     counter = _counter(local, "xy_reset_counter", "z_reset_counter")
-    return Stream.of_place("local position", local, position, _valid(local, "xy_global"), counter)
+    return Stream.of_place("local position", local, position, _mask_valid(local, "xy_global"), counter)
 
 
 def on_map(reference: FloatArray, offset: FloatArray) -> FloatArray:
@@ -243,25 +245,25 @@ def _gps(log: ULogFile) -> Messages | None:
     return topic if topic is not None else _topic(log, "sensor_gps")
 
 
-def _fixed(gps: Messages) -> Flags:
+def _mask_fixed(gps: Messages) -> Flags:
     return np.asarray(gps.get("fix_type", np.full(len(gps[TIME]), FIX_3D)) >= FIX_3D)
 
 
 def _gps_place(gps: Messages | None) -> FloatArray | None:
     """Return latitude, longitude [rad] and height [m]; fields were whole numbers until 1.14."""
     if gps is not None and "latitude_deg" in gps:
-        return _place(gps, "latitude_deg", "longitude_deg", ("altitude_ellipsoid_m", "altitude_msl_m"))
-    return _place(gps, "lat", "lon", ("alt_ellipsoid", "alt"), 1e-7, 1e-3)
+        return _read_place(gps, "latitude_deg", "longitude_deg", ("altitude_ellipsoid_m", "altitude_msl_m"))
+    return _read_place(gps, "lat", "lon", ("alt_ellipsoid", "alt"), 1e-7, 1e-3)
 
 
 def _gps_position(gps: Messages | None) -> Stream | None:
-    return Stream.of_place("GPS position", gps, _gps_place(gps), None if gps is None else _fixed(gps))
+    return Stream.of_place("GPS position", gps, _gps_place(gps), None if gps is None else _mask_fixed(gps))
 
 
 def _gps_velocity(gps: Messages | None) -> Stream | None:
     if gps is None:
         return None
-    valid = _valid(gps, "vel_ned_valid")
+    valid = _mask_valid(gps, "vel_ned_valid")
     return Stream.of_fields("GPS velocity", gps, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s", valid=valid)
 
 
@@ -274,8 +276,8 @@ def _imu(log: ULogFile) -> Stream | None:
         valid = None if late is None else late != _NO_TIME
         found.append(Stream.of_fields("IMU", combined, "gyro_rad", "accelerometer_m_s2", valid=valid))
     integrated = _topic(log, "vehicle_imu", 3, "delta_angle", "delta_velocity")
-    gains = streams.columns_of(integrated, "delta_angle", "delta_velocity")
-    spans = streams.columns_of(integrated, "delta_angle_dt", "delta_velocity_dt")
+    gains = streams.stack_fields(integrated, "delta_angle", "delta_velocity")
+    spans = streams.stack_fields(integrated, "delta_angle_dt", "delta_velocity_dt")
     if integrated is not None and gains is not None and spans is not None:
         span = np.where(spans > 0, spans * 1e-6, np.nan)
         found.append(Stream.of("IMU", integrated[TIME], gains / np.repeat(span, 3, axis=1)))
@@ -284,16 +286,16 @@ def _imu(log: ULogFile) -> Stream | None:
 
 
 def _gnss(log: ULogFile, gps: Messages) -> GnssLog:
-    velocity = streams.columns_of(gps, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+    velocity = streams.stack_fields(gps, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
     if velocity is not None:
-        velocity = np.where(_valid(gps, "vel_ned_valid")[:, None], velocity, np.nan)
+        velocity = np.where(_mask_valid(gps, "vel_ned_valid")[:, None], velocity, np.nan)
     sigmas = [gps.get(name) for name in ("eph", "epv", "s_variance_m_s")]
     stamped = bool((gps.get("timestamp_sample", np.zeros(1)) > 0).all())
     delay = 1e-3 * log.parameters.get("EKF2_GPS_DELAY", 0.0)
     # The driver's own time of the sample has the delay in it.
     latency = 0.0 if stamped else float(np.clip(delay, 0, streams.MAX_GPS_DELAY))
-    arm = streams.lever_arm_of(log.parameters, (("EKF2_GPS_POS_", "EKF2_IMU_POS_"),))
-    return streams.gnss_of(gps[TIME], _gps_place(gps), velocity, sigmas, _fixed(gps), arm, latency)
+    arm = streams.read_lever_arm(log.parameters, (("EKF2_GPS_POS_", "EKF2_IMU_POS_"),))
+    return streams.make_gnss_log(gps[TIME], _gps_place(gps), velocity, sigmas, _mask_fixed(gps), arm, latency)
 
 
 def _magnetometer(log: ULogFile) -> Magnetometer | None:
@@ -312,7 +314,7 @@ def _headings(gps: Messages) -> Headings | None:
     time, heading = gps[TIME], gps["heading"]
     sigma = gps.get("heading_accuracy", np.full(len(time), np.nan))
     sigma = np.where((sigma > _HEADING_SIGMAS[0]) & (sigma < _HEADING_SIGMAS[1]), sigma, np.nan)
-    fine = np.isfinite(heading) & np.isfinite(time) & _fixed(gps) & (np.abs(heading) <= 2 * np.pi)
+    fine = np.isfinite(heading) & np.isfinite(time) & _mask_fixed(gps) & (np.abs(heading) <= 2 * np.pi)
     # A receiver with one antenna may leave the field at zero.
     return Headings(time[fine], heading[fine], sigma[fine]) if heading[fine].any() else None
 
@@ -334,4 +336,4 @@ def _losses(log: ULogFile) -> tuple[str, ...]:
     if log.dropouts:
         times = "once" if log.dropouts == 1 else f"{log.dropouts} times"
         remarks.append(f"The logger could not keep up {times}, for {log.dropped_seconds:.3g} s in all.")
-    return (*remarks, *streams.not_decoded(log.lost_bytes))
+    return (*remarks, *streams.undecoded_remark(log.lost_bytes))

@@ -186,7 +186,7 @@ def unit_of(kind: str, spelling: str) -> str:
             return f"{unit}{counts}"
     if unit := _over_time(kind, text.lower()):
         return f"{unit}{counts}"
-    return "" if counts else _scaled(kind, text.lower())
+    return "" if counts else _read_scaled_unit(kind, text.lower())
 
 
 def _over_time(kind: str, text: str) -> str:
@@ -200,7 +200,7 @@ def _over_time(kind: str, text: str) -> str:
     return unit if unit in UNITS.get(kind, ()) else ""
 
 
-def _scaled(kind: str, text: str) -> str:
+def _read_scaled_unit(kind: str, text: str) -> str:
     """Return the unit of a text with a number before a unit, or a power of ten behind it; else nothing."""
     text = text.replace("10^", "1e")
     if found := _MULTIPLE.fullmatch(text):

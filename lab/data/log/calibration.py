@@ -177,12 +177,12 @@ class Calibration:
         values: dict[str, Any] = {"source": self.source}
         for name, one in self.linear.items():
             values[name] = {
-                "bias": [_rounded(number) for number in one.bias / SCALES[name]],
-                "matrix": [[_rounded(number) for number in row] for row in one.matrix],
+                "bias": [_round_number(number) for number in one.bias / SCALES[name]],
+                "matrix": [[_round_number(number) for number in row] for row in one.matrix],
             }
         if self.mounting.any():
             values["mounting"] = {
-                "roll_pitch_yaw": [_rounded(number) for number in np.degrees(self.mounting)]
+                "roll_pitch_yaw": [_round_number(number) for number in np.degrees(self.mounting)]
             }
         return toml_text(values)
 
@@ -191,7 +191,7 @@ class Calibration:
         write_file(Path(path), self.to_toml())
 
 
-def _rounded(number: float) -> float:
+def _round_number(number: float) -> float:
     return float(f"{number:.{DIGITS}g}")
 
 

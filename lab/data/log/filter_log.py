@@ -272,7 +272,7 @@ def innovations_of(
     return Innovations(*measured, time, values, normalised, square[rows], ratio[rows], source)
 
 
-def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def find_runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return first and last index of each run of True values."""
     edges = np.diff(np.concatenate(([0], mask.astype(np.int8), [0])))
     first, behind = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
@@ -282,7 +282,7 @@ def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def rejections(one: Innovations, lane: str) -> list[Event]:
     """Return an event for each run of innovations that the filter's own test rejected."""
     found = []
-    for first, last in runs_of(one.ratio > 1)[:MAX_EVENTS]:
+    for first, last in find_runs(one.ratio > 1)[:MAX_EVENTS]:
         begin, end = one.time[first], one.time[last]
         when = f"at {begin:.1f} s" if first == last else f"from {begin:.1f} s to {end:.1f} s"
         count = last - first + 1
@@ -298,7 +298,7 @@ def while_set(time: FloatArray, is_set: Flags, kind: str, text: str, source: str
     """Return an event for each time that a flag (n,) is set; the text goes on with when that is."""
     return [
         Event(float(time[first]), kind, f"{text} from {time[first]:.1f} s to {time[last]:.1f} s.", source)
-        for first, last in lasting(is_set)
+        for first, last in find_lasting_runs(is_set)
     ]
 
 
@@ -355,9 +355,9 @@ def steady(values: FloatArray) -> FloatArray:
     return found
 
 
-def lasting(is_set: Flags) -> list[tuple[int, int]]:
+def find_lasting_runs(is_set: Flags) -> list[tuple[int, int]]:
     """Return first and last index of each run of a flag of two messages or more: one may be damaged."""
-    return [(first, last) for first, last in runs_of(is_set) if last > first][:MAX_EVENTS]
+    return [(first, last) for first, last in find_runs(is_set) if last > first][:MAX_EVENTS]
 
 
 def changes(time: FloatArray, counter: FloatArray) -> list[tuple[float, float, float]]:

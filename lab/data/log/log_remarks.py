@@ -90,7 +90,7 @@ def constant_axes_remarks(name: str, samples: FloatArray, position: FloatArray) 
     MissionError
         If a whole triad is constant in motion: nothing can be navigated with it.
     """
-    if not _moves(position):
+    if not _is_moving(position):
         return []
     constant = (samples == samples[:1]).all(axis=0).reshape(2, 3)
     remarks = []
@@ -112,7 +112,7 @@ def constant_axes_remarks(name: str, samples: FloatArray, position: FloatArray) 
     return remarks
 
 
-def _moves(position: FloatArray) -> bool:
+def _is_moving(position: FloatArray) -> bool:
     if not len(position):
         return False
     north, east = metres_per_radian(position[:1, 0], position[:1, 2])

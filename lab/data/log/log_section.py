@@ -19,7 +19,7 @@ _ROUNDING = 1e-6
 """Rounding of time stamps [s]: Unix time in doubles has 0.2 µs."""
 
 
-def piece(log: SensorLog, start: float | None = None, end: float | None = None) -> SensorLog:
+def cut_section(log: SensorLog, start: float | None = None, end: float | None = None) -> SensorLog:
     """Return the longest stretch of a log between two times that the IMU recorded without a break.
 
     Parameters
@@ -53,12 +53,15 @@ def piece(log: SensorLog, start: float | None = None, end: float | None = None) 
     best = int(np.argmax(common))
     if common[best] < MIN_OVERLAP:
         raise MissionError(
-            f"{log.name}: {_between(log, start, end)} IMU and GPS have no stretch of {MIN_OVERLAP:g} s in "
+            f"{log.name}: {_describe_span(log, start, end)} IMU and GPS have no stretch of "
+            f"{MIN_OVERLAP:g} s in "
             f"common without a break of the IMU; accepted are times within {clock_text(log.epoch)} to "
             f"{clock_text(log.epoch + log.duration)} s of the file's clock"
         )
     usable = np.flatnonzero(common >= MIN_OVERLAP)
-    return _cut(log, spans[best], _remarks(log, spans, best, usable, start is not None or end is not None))
+    return _cut_span(
+        log, spans[best], _remarks(log, spans, best, usable, start is not None or end is not None)
+    )
 
 
 def _check(log: SensorLog, start: float | None, end: float | None) -> None:
@@ -79,7 +82,7 @@ def _common(log: SensorLog, spans: FloatArray) -> FloatArray:
     return np.where(enough, times[last - 1] - times[np.minimum(first, times.size - 1)], 0.0)
 
 
-def _cut(log: SensorLog, span: FloatArray, remarks: tuple[str, ...]) -> SensorLog:
+def _cut_span(log: SensorLog, span: FloatArray, remarks: tuple[str, ...]) -> SensorLog:
     first, last = np.searchsorted(log.time, (span[0] - _ROUNDING, span[1] + _ROUNDING))
     time = log.time[first:last]
     zero = float(time[0])
@@ -128,7 +131,7 @@ def _remarks(
     return (text,)
 
 
-def _between(log: SensorLog, start: float | None, end: float | None) -> str:
+def _describe_span(log: SensorLog, start: float | None, end: float | None) -> str:
     first = log.epoch if start is None else start
     last = log.epoch + log.duration if end is None else end
     return f"from {clock_text(first)} to {clock_text(last)} s"

@@ -145,7 +145,7 @@ def believed_sigma(values: FloatArray) -> FloatArray:
     return np.where((values > SIGMAS[0]) & (values < SIGMAS[1]), values, np.nan)
 
 
-def repaired(
+def repair_log(
     name: str,
     time: FloatArray,
     samples: FloatArray,
@@ -245,11 +245,13 @@ def _usable_samples(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the samples that are known, new and no spikes: time, values, and the time of those lost."""
     known = np.isfinite(samples).all(axis=1)
-    _say(repairs, int((~known).sum()), "IMU sample with an unknown value was dropped")
+    _report_repairs(repairs, int((~known).sum()), "IMU sample with an unknown value was dropped")
     lost, time, samples = time[~known], time[known], samples[known]
     time, samples = _without_repeats(time, samples, increments, repairs)
     spiky = find_spikes(_rates(time, samples) if increments else samples)
-    _say(repairs, int(spiky.sum()), "IMU sample with a spike, far beyond the others near, was dropped")
+    _report_repairs(
+        repairs, int(spiky.sum()), "IMU sample with a spike, far beyond the others near, was dropped"
+    )
     return time[~spiky], samples[~spiky], np.sort(np.append(lost, time[spiky]))
 
 
@@ -258,14 +260,16 @@ def _without_repeats(
 ) -> tuple[FloatArray, FloatArray]:
     """Drop rows with the time, or the very values, of the row before."""
     kept = np.append(True, np.diff(time) > 0)[: time.size]
-    _say(repairs, int((~kept).sum()), "IMU sample with the time of the one before was dropped")
+    _report_repairs(repairs, int((~kept).sum()), "IMU sample with the time of the one before was dropped")
     time, samples = time[kept], samples[kept]
     if increments:  # two equal increments are two movements
         return time, samples
     start, length = equal_runs(samples)
     # A sensor that shows one value for longer is at rest, or stuck, and not polled too fast.
     kept = (start == np.arange(time.size)) | (length > LIMITS.polled)
-    _say(repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped")
+    _report_repairs(
+        repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped"
+    )
     return time[kept], samples[kept]
 
 
@@ -279,18 +283,20 @@ def _rates(time: FloatArray, increments: FloatArray) -> FloatArray:
 def _usable_fixes(gnss: GnssLog, repairs: list[str]) -> NDArray[np.bool_]:
     """Return which fixes (m,) are measurements: neither zeros of a receiver without a fix, nor repeated."""
     rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]
-    _say(repairs, int((~rows).sum()), "GPS fix with the time of the one before was dropped")
+    _report_repairs(repairs, int((~rows).sum()), "GPS fix with the time of the one before was dropped")
     unknown = ~np.isfinite(gnss.position).all(axis=1)
-    _say(repairs, int((rows & unknown).sum()), "GPS fix without a position was dropped")
+    _report_repairs(repairs, int((rows & unknown).sum()), "GPS fix without a position was dropped")
     rows &= ~unknown
     empty = np.asarray(rows & (gnss.position[:, :2] == 0).all(axis=1))
-    _say(repairs, int(empty.sum()), "GPS fix at latitude 0, longitude 0 was dropped")
+    _report_repairs(repairs, int(empty.sum()), "GPS fix at latitude 0, longitude 0 was dropped")
     at = np.flatnonzero(rows & ~empty)
     values = np.concatenate((gnss.position[at], gnss.velocity_n[at]), axis=1)
     moving = np.linalg.norm(gnss.velocity_n[at, :2], axis=1) > _MOVING
     same = ((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
     repeated = at[1:][same & moving[1:]]
-    _say(repairs, repeated.size, "GPS fix in motion that repeats the values of the one before was dropped")
+    _report_repairs(
+        repairs, repeated.size, "GPS fix in motion that repeats the values of the one before was dropped"
+    )
     rows &= ~empty
     rows[repeated] = False
     return rows
@@ -388,7 +394,7 @@ def _report_some(repairs: list[str], unknown: NDArray[np.bool_], what: str) -> N
         repairs.append(f"{count} of {len(unknown)} fixes {'has' if count == 1 else 'have'} {what}.")
 
 
-def _say(repairs: list[str], count: int, what: str) -> None:
+def _report_repairs(repairs: list[str], count: int, what: str) -> None:
     """Report a number of repairs in one sentence, given for one."""
     if count == 1:
         repairs.append(f"1 {what}.")

@@ -86,13 +86,13 @@ class StreamSpikes:
         values : (n, 6) array
             Angular rate [rad/s] and specific force [m/s²] of the next samples.
         """
-        return self._decided(values, whole=False)
+        return self._decide_samples(values, whole=False)
 
     def finish(self) -> NDArray[np.bool_]:
         """Return which of the waiting samples are spikes: no more will come."""
-        return self._decided(self._values[:0], whole=True)
+        return self._decide_samples(self._values[:0], whole=True)
 
-    def _decided(self, values: FloatArray, *, whole: bool) -> NDArray[np.bool_]:
+    def _decide_samples(self, values: FloatArray, *, whole: bool) -> NDArray[np.bool_]:
         """Decide about samples; with `whole`, about all of them."""
         begin = len(self._values) - self._waiting
         values = self._values = np.concatenate((self._values, values))

@@ -26,7 +26,7 @@ from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import UNKNOWN, Vector
-from lab.data.protocols.sending import FrameEncoder, vector, whole
+from lab.data.protocols.sending import FrameEncoder, round_to_bits, vector
 
 _SYNC = b"\xaa\xaa"
 _SIZE = 19  # bytes of a frame
@@ -68,7 +68,7 @@ class Bno085(Framing):
         attitude = _quaternion(*(angle * _ANGLE / 2 for angle in angles))
         rate: Vector = UNKNOWN
         if self._last is not None and 0 < number - self._last[0] <= _LONGEST:
-            rate = _turned(self._last[1], attitude, (number - self._last[0]) * INTERVAL)
+            rate = _rate_between(self._last[1], attitude, (number - self._last[0]) * INTERVAL)
         self._last = number, attitude
         unit = TO_SI["mg"]
         rows.add_imu(end, count=number, rate=rate, force=(x * unit, y * unit, z * unit))
@@ -87,7 +87,7 @@ def _quaternion(yaw: float, pitch: float, roll: float) -> tuple[float, ...]:
     )
 
 
-def _turned(before: tuple[float, ...], after: tuple[float, ...], seconds: float) -> Vector:
+def _rate_between(before: tuple[float, ...], after: tuple[float, ...], seconds: float) -> Vector:
     """Return the angular rate that turns one attitude into another [rad/s]."""
     a, b, c, d = before
     w, x, y, z = after
@@ -126,6 +126,6 @@ class Bno085Encoder(FrameEncoder):
         self._sent = number
         angles = self._attitude.as_euler("ZXY")
         counts = [*(angles / _ANGLE), *vector(row, "force", TO_SI["mg"])]
-        frame = bytes((number % _NUMBERS_OF_FRAMES,)) + _NUMBERS.pack(*map(whole, counts))
+        frame = bytes((number % _NUMBERS_OF_FRAMES,)) + _NUMBERS.pack(*map(round_to_bits, counts))
         frame += bytes(3)
         return _SYNC + frame + bytes((sum8(frame),))

@@ -66,7 +66,7 @@ ENCODERS: Mapping[str, Callable[[], Encoder]] = {
 """Makes an encoder with its usual settings, by the name of the protocol."""
 
 
-def decoder_of(name: str) -> Decoder:
+def make_decoder(name: str) -> Decoder:
     """Return a new decoder.
 
     Parameters

@@ -36,8 +36,8 @@ from lab.data.protocols.column_map import (
     ColumnMapError,
 )
 from lab.data.protocols.labelled_lines import AXES, PERIODS, labelled_samples
-from lab.data.protocols.line_shape import cells_of, header_of, prefix_of, says_little, shape_of
-from lab.data.protocols.line_sources import are_devices, is_source, taking_turns
+from lab.data.protocols.line_shape import find_header, find_prefix, find_shape, says_little, split_cells
+from lab.data.protocols.line_sources import are_devices, find_alternating_sources, is_source
 from lab.data.protocols.number_guess import (
     FINE,
     GROWS,
@@ -106,7 +106,7 @@ def guess_columns(
     if not said and text_cells.have_decimal_commas(lines):
         return None  # which comma ends a number is not known
     try:
-        return _of_separated(lines, said, whole) or _of_labelled(lines, said, whole)
+        return _of_separated(lines, said, whole) or _map_labelled(lines, said, whole)
     except _MoreLinesError:
         return None
 
@@ -119,14 +119,14 @@ def _of_separated(lines: Sequence[str], said: Mapping[str, str], whole: bool) ->
     """Return the map of lines of cells with separators."""
     # A network may deliver each line twice.
     lines = [line for line, before in zip(lines, ("", *lines), strict=False) if line != before]
-    shape = shape_of(lines)
+    shape = find_shape(lines)
     if shape is None:
         return None
     count = shape.rows.shape[1]
-    headings = header_of(lines, shape.separator, count) or [""] * count
+    headings = find_header(lines, shape.separator, count) or [""] * count
     remarks: list[str] = []
-    columns = _profiled(headings, remarks) or named(headings, remarks)
-    columns = _as_said(columns, headings, said)
+    columns = _map_by_profile(headings, remarks) or name_columns(headings, remarks)
+    columns = _apply_said(columns, headings, said)
     if shape.prefix and not shape.prefix.endswith((shape.separator, "=", ":")):
         headings[0] = headings[0] or shape.prefix  # such as IMU before the number of the device
     form = shape.separator, shape.prefix, shape.comma
@@ -134,25 +134,27 @@ def _of_separated(lines: Sequence[str], said: Mapping[str, str], whole: bool) ->
         begin = ", ".join(map(repr, shape.others))
         remarks.append(f"Lines that begin with {begin}, as of another device, are not read.")
     numbers = headings, shape.rows, shape.clocks, shape.cells
-    return _mapped(columns, *numbers, remarks, whole, *form)
+    return _map_columns(columns, *numbers, remarks, whole, *form)
 
 
-def _of_labelled(lines: Sequence[str], said: Mapping[str, str], whole: bool) -> ColumnMap | None:
+def _map_labelled(lines: Sequence[str], said: Mapping[str, str], whole: bool) -> ColumnMap | None:
     """Return the map of lines with words between the numbers, if there is one with rates and forces."""
     first = None
     for sample in labelled_samples(lines):
         remarks: list[str] = []
-        columns = _as_said(named(sample.headings, remarks, sample.others), sample.headings, said)
+        columns = _apply_said(name_columns(sample.headings, remarks, sample.others), sample.headings, said)
         cells = [[f"{value:g}" for value in row] for row in sample.rows]
         numbers = sample.headings, sample.rows, sample.clocks, cells
-        found = _mapped(columns, *numbers, remarks, whole, texts=sample.texts, guessed=not sample.is_named)
+        found = _map_columns(
+            columns, *numbers, remarks, whole, texts=sample.texts, guessed=not sample.is_named
+        )
         if found is not None and {"rate_x", "force_x"} <= _names(found.columns):
             return found
         first = first or found
     return first
 
 
-def _as_said(columns: list[Column], headings: Sequence[str], said: Mapping[str, str]) -> list[Column]:
+def _apply_said(columns: list[Column], headings: Sequence[str], said: Mapping[str, str]) -> list[Column]:
     """Return the columns with what a person says of them, by heading or number, in place of a guess."""
     given = {
         place: Column.of(text)
@@ -166,7 +168,7 @@ def _as_said(columns: list[Column], headings: Sequence[str], said: Mapping[str, 
     ]
 
 
-def _profiled(headings: Sequence[str], remarks: list[str]) -> list[Column] | None:
+def _map_by_profile(headings: Sequence[str], remarks: list[str]) -> list[Column] | None:
     """Return the columns by the profile of a maker; None if none has these headings."""
     try:
         profile = profile_of("the stream", headings)
@@ -191,7 +193,7 @@ def _profiled(headings: Sequence[str], remarks: list[str]) -> list[Column] | Non
     return columns
 
 
-def _mapped(
+def _map_columns(
     columns: list[Column],
     headings: Sequence[str],
     rows: FloatArray,
@@ -213,7 +215,7 @@ def _mapped(
     said = next((at for at, column in enumerate(columns) if column.quantity == SOURCE), None)
     if said is not None:
         rows = rows[[is_source(line[said], columns[said].unit) for line in cells]]
-    for sources in () if said is not None else taking_turns(cells, columns):
+    for sources in () if said is not None else find_alternating_sources(cells, columns):
         first, other, *_ = sources.names
         mine = list(columns)
         mine[sources.place] = Column(SOURCE, first)
@@ -251,7 +253,7 @@ def _columns(
     guessed: bool,
 ) -> list[Column] | None:
     """Return the columns, by their names or else by their numbers; None if neither shows an IMU."""
-    named_ones = _complete(_timed(columns, headings, rows, clocks, remarks))
+    named_ones = _drop_incomplete_vectors(_add_time_column(columns, headings, rows, clocks, remarks))
     if len(rows) < MIN_LINES and "time" not in _names(named_ones):
         free = [at for at, column in enumerate(named_ones) if column.quantity == IGNORED]
         if (np.diff(rows[:, free], axis=0) > 0).all(axis=0).any():
@@ -284,7 +286,7 @@ def _columns(
     ]
 
 
-def _complete(columns: Sequence[Column]) -> list[Column]:
+def _drop_incomplete_vectors(columns: Sequence[Column]) -> list[Column]:
     """Return the columns without those of vectors that lack an axis, and of a place that is none."""
     axes = Counter(column.kind for column in columns if column.kind in VECTORS)
     there = _names(columns)
@@ -294,7 +296,7 @@ def _complete(columns: Sequence[Column]) -> list[Column]:
     return [Column() if column.kind in left_out else column for column in columns]
 
 
-def _timed(
+def _add_time_column(
     columns: list[Column],
     headings: Sequence[str],
     rows: FloatArray,
@@ -361,7 +363,7 @@ def cells_to_name(lines: Sequence[str]) -> tuple[str, ...]:
     best: list[str] = []
     for line in reversed(lines):
         for separator in SEPARATORS.values():
-            cells = cells_of(line[len(prefix_of(line, separator)) :], separator)
+            cells = split_cells(line[len(find_prefix(line, separator)) :], separator)
             if all(says_little(cell, separator) for cell in cells) and len(cells) > max(len(best), AXES - 1):
                 best = cells
         if not best and len(cells_in(line).kinds) >= AXES:
@@ -369,7 +371,7 @@ def cells_to_name(lines: Sequence[str]) -> tuple[str, ...]:
     return tuple(best[:MAX_COLUMNS])
 
 
-def named(headings: Sequence[str], remarks: list[str], others: Sequence[str] = ()) -> list[Column]:
+def name_columns(headings: Sequence[str], remarks: list[str], others: Sequence[str] = ()) -> list[Column]:
     """Return columns by their headings; a unit that is not named is left open.
 
     Parameters

@@ -130,7 +130,7 @@ class Column:
         # Files call the field of a magnetometer so.
         name = re.sub(r"^field_(?=[xyz]$)", "magnetic_", found[1])
         column = cls(name)
-        return cls(name, spelled(column.kind, found[2] or "")) if name != IGNORED else column
+        return cls(name, spell_unit(column.kind, found[2] or "")) if name != IGNORED else column
 
     def __str__(self) -> str:
         return f"{self.quantity}[{self.unit}]" if self.unit else self.quantity
@@ -150,7 +150,7 @@ def _refuse_parts(names: Sequence[str]) -> None:
             )
 
 
-def spelled(kind: str, unit: str) -> str:
+def spell_unit(kind: str, unit: str) -> str:
     """Return a unit as `UNITS_OF` has it; one that is none of the quantity is returned as it is.
 
     Parameters
@@ -245,7 +245,7 @@ class ColumnMap:
             return cls._of_form(text)
         names, *lines = text.split(_LINES, 1)
         columns = [Column.of(cell) for cell in names.split(",")]
-        return cls(tuple(columns), *_lines_of(lines[0] if lines else ""))
+        return cls(tuple(columns), *_line_form(lines[0] if lines else ""))
 
     @classmethod
     def _of_form(cls, text: str) -> ColumnMap:
@@ -295,7 +295,7 @@ class ColumnMap:
             there = dict.fromkeys(column.kind for column in self.columns if column.quantity != IGNORED)
             raise ColumnMapError(f"{kind!r} is no quantity of these columns; accepted are {', '.join(there)}")
         columns = tuple(
-            Column(column.quantity, spelled(kind, unit)) if column.kind == kind else column
+            Column(column.quantity, spell_unit(kind, unit)) if column.kind == kind else column
             for column in self.columns
         )
         return replace(self, columns=columns, doubt=() if kind == "rate" else self.doubt)
@@ -323,7 +323,7 @@ class ColumnMap:
         return f"{len(self.columns)} columns{before}, separated by {_NAMES[self.separator]}{comma}: {self}"
 
 
-def _lines_of(text: str) -> tuple[str, str, bool]:
+def _line_form(text: str) -> tuple[str, str, bool]:
     """Return separator, prefix, and whether numbers have a comma, of what stands after the columns."""
     words, _, prefix = text.partition(_AFTER)
     separator, decimal_comma = SEPARATORS["comma"], False

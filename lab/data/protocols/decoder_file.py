@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lab.base.python_file import PythonFileError, described, load_object
+from lab.base.python_file import PythonFileError, describe_error, load_object
 from lab.data.protocols.decoder import Decoder, DecoderError, Statistics
 from lab.data.protocols.samples import FIX, IMU, NO_READINGS, READING, Samples
 
@@ -43,7 +43,7 @@ class OwnDecoder:
         DecoderError
             If it raises an exception, which is the error's cause, or returns no samples.
         """
-        found = self._called("feed", data)
+        found = self._call_method("feed", data)
         if self._counts:
             self.statistics.bytes += len(data)
             self.statistics.frames += sum(map(len, found))
@@ -59,14 +59,14 @@ class OwnDecoder:
         """
         if not callable(getattr(self._decoder, "finish", None)):
             return Samples(np.empty(0, IMU), np.empty(0, FIX))
-        return self._called("finish")
+        return self._call_method("finish")
 
-    def _called(self, method: str, *arguments: bytes) -> Samples:
+    def _call_method(self, method: str, *arguments: bytes) -> Samples:
         try:
             imu, fix, *others = getattr(self._decoder, method)(*arguments)
             (reading,) = others or [NO_READINGS]
         except (Exception, SystemExit) as error:
-            raise DecoderError(f"{self._place}: failed by itself: {described(error)}") from error
+            raise DecoderError(f"{self._place}: failed by itself: {describe_error(error)}") from error
         for array, form, name in ((imu, IMU, "IMU"), (fix, FIX, "FIX"), (reading, READING, "READING")):
             if not isinstance(array, np.ndarray) or array.dtype != form or array.ndim != 1:
                 raise DecoderError(

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lab.data.protocols.json_rows import parsed
+from lab.data.protocols.json_rows import parse_json
 from lab.data.protocols.sent_solution import SentSolution, json_line
 
 SUBPROTOCOLS: Final = ("foxglove.sdk.v1", "foxglove.websocket.v1")
@@ -88,18 +88,18 @@ CHANNELS: Final = (
 """What is offered: the row as in lines of JSON, the position for a map, and the attitude for a scene."""
 
 
-def stamp_of(solution: SentSolution) -> int:
+def time_stamp(solution: SentSolution) -> int:
     """Return the time of the messages of a solution, by the clock of the computer [ns since 1970]."""
     return 1000 * round(1e6 * solution.unix)
 
 
-def messages_of(solution: SentSolution) -> dict[int, bytes]:
+def make_messages(solution: SentSolution) -> dict[int, bytes]:
     """Return the messages of a solution by the numbers of their channels, without those that lack contents.
 
     The altitude of a LocationFix is above the ellipsoid, and left out where that is not known. A heading that
     is relative turns the body in the scene too.
     """
-    now = dict(zip(("sec", "nsec"), divmod(stamp_of(solution), 1_000_000_000), strict=True))
+    now = dict(zip(("sec", "nsec"), divmod(time_stamp(solution), 1_000_000_000), strict=True))
     found = {1: json_line(solution).rstrip()}
     if solution.has_position:
         fix = {
@@ -157,11 +157,11 @@ class Conversation:
 
     def accept(self, message: str | bytes) -> None:
         """Take a message of the program; what is no subscription is left out."""
-        said = parsed(message.encode() if isinstance(message, str) else b"")
+        said = parse_json(message.encode() if isinstance(message, str) else b"")
         if not isinstance(said, dict):
             return
         if said.get("op") == "subscribe":
-            for one in _listed(said.get("subscriptions")):
+            for one in _to_list(said.get("subscriptions")):
                 number, channel = (one.get("id"), one.get("channelId")) if isinstance(one, dict) else (0, 0)
                 if type(number) is not int or type(channel) is not int or not 0 <= number < _LARGEST_NUMBER:
                     continue
@@ -169,12 +169,12 @@ class Conversation:
                     self._channels = {key: value for key, value in self._channels.items() if value != channel}
                     self._channels[number] = channel
         elif said.get("op") == "unsubscribe":
-            for one in _listed(said.get("subscriptionIds")):
+            for one in _to_list(said.get("subscriptionIds")):
                 if type(one) is int:
                     self._channels.pop(one, None)
 
     def written(self, time: int, messages: dict[int, bytes]) -> list[bytes]:
-        """Return messages as the program asked for them; of `messages_of`, with `stamp_of` [ns]."""
+        """Return messages as the program asked for them; of `make_messages`, with `time_stamp` [ns]."""
         return [
             _MESSAGE_DATA.pack(1, subscription, time) + messages[channel]
             for subscription, channel in self._channels.items()
@@ -182,5 +182,5 @@ class Conversation:
         ]
 
 
-def _listed(value: Any) -> list[Any]:
+def _to_list(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []

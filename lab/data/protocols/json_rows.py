@@ -12,7 +12,7 @@ LARGEST = 1e15
 """Largest number that is accepted: nanoseconds since 1970 become seconds before they come here."""
 
 
-def parsed(text: bytes) -> Any:
+def parse_json(text: bytes) -> Any:
     """Return what JSON says; None if it is no JSON or is nested too deep.
 
     Parameters
@@ -34,7 +34,7 @@ def number(value: Any) -> float:
     return float(value)
 
 
-def rows_of(value: Any, width: int, most: int) -> list[list[float]] | None:
+def read_rows(value: Any, width: int, most: int) -> list[list[float]] | None:
     """Return rows of numbers; null becomes NaN, except for the time in the first column.
 
     Parameters

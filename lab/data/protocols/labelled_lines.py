@@ -103,7 +103,7 @@ def labelled_samples(lines: Sequence[str]) -> Iterator[LabelledSamples]:
     for line in lines:
         cells = cells_in(line)
         if line.strip():
-            found.append(_squeezed(cells))
+            found.append(_squeeze_blanks(cells))
             begins.append(begin)
         begin = (1 + bool(line.strip())) * (not cells.kinds and _RULE.fullmatch(line) is not None)
     shapes: dict[tuple[tuple[str, ...], str], int] = {}
@@ -118,7 +118,7 @@ def labelled_samples(lines: Sequence[str]) -> Iterator[LabelledSamples]:
         if any(not period % one and a <= first and last + period <= b + one for one, a, b in seen):
             continue
         seen += [(period, a, b) for a, b in runs]
-        at = _begin(found, begins, ids, first, period)
+        at = _find_begin(found, begins, ids, first, period)
         block = found[at : at + period]
         texts = tuple(one.texts for one in block)
         count = sum(len(one.kinds) for one in block)
@@ -133,7 +133,7 @@ def labelled_samples(lines: Sequence[str]) -> Iterator[LabelledSamples]:
         rising = [bool((np.diff(one) > 0).all()) for one in values.T]
         headings, others = _headings(block, rising)
         clocks = tuple(kind == "c" for one in block for kind in one.kinds)
-        labels = [_name(_cut(text, k)[1]) for one in block for k, text in enumerate(one.texts[:-1])]
+        labels = [_name(_cut_unit(text, k)[1]) for one in block for k, text in enumerate(one.texts[:-1])]
         is_named = sum(map(bool, labels)) > count / 2
         yield LabelledSamples(texts, headings, others, values, clocks, is_named)
 
@@ -145,7 +145,7 @@ def _without_rare_vectors(lines: Sequence[str]) -> Sequence[str]:
     """
     shapes = []
     for line in lines:
-        cells = _squeezed(cells_in(line))
+        cells = _squeeze_blanks(cells_in(line))
         is_vector = len(cells.kinds) >= AXES and any(_name(text) for text in cells.texts[:-1])
         shapes.append((cells.texts, cells.kinds) if is_vector else None)
     counts = Counter(shape for shape in shapes if shape is not None)
@@ -157,7 +157,7 @@ def _without_rare_vectors(lines: Sequence[str]) -> Sequence[str]:
     ]
 
 
-def _squeezed(line: Cells) -> Cells:
+def _squeeze_blanks(line: Cells) -> Cells:
     """Return a line whose texts have one blank in place of several, and none at its ends."""
     texts = [_BLANKS.sub(lambda blanks: "\t" if "\t" in blanks[0] else " ", text) for text in line.texts]
     texts[0], texts[-1] = texts[0].lstrip(), texts[-1].rstrip()
@@ -170,7 +170,7 @@ def _runs(same: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least]
 
 
-def _begin(
+def _find_begin(
     found: Sequence[Cells], begins: Sequence[int], ids: NDArray[np.int64], first: int, period: int
 ) -> int:
     """Return the line with which a sample begins.
@@ -243,11 +243,11 @@ def _headings(block: Sequence[Cells], grow: Sequence[bool] = ()) -> tuple[list[s
                 names.append((section, found[1].lower()))
             elif found := _LAST_AXIS.search(label):
                 group, count = max(groups, default=-1) + 1, 0
-                section, units[group] = _worded(label[: found.start()])
+                section, units[group] = _split_unit_words(label[: found.start()])
                 names.append((section, found[1].lower()))
             elif label:
                 group, count = max(groups, default=-1) + 1, 1
-                section, units[group] = _worded(label)
+                section, units[group] = _split_unit_words(label)
                 names.append((section, ""))
             else:
                 group += not section and count and count % AXES == 0  # numbers without a name come in threes
@@ -279,21 +279,21 @@ def _known_as(name: str) -> str:
 
 def _labels(line: Cells) -> list[tuple[str, str]]:
     """Return for each text of a line the unit of the number before it, and the name of that behind it."""
-    cut = [_cut(text, at) for at, text in enumerate(line.texts)]
+    cut = [_cut_unit(text, at) for at, text in enumerate(line.texts)]
     found = [(unit, _name(_PAIRS.sub("", label))) for unit, label in cut]
     if line.texts[1:2] == (":",) and _STAMPED.fullmatch(line.texts[0]):
         found[:2] = [("", "time"), ("", found[0][1])]
     return found
 
 
-def _worded(name: str) -> tuple[str, str]:
+def _split_unit_words(name: str) -> tuple[str, str]:
     """Return a name without its unit in words, and the unit; empty without one."""
     found = _IN_UNIT.match(name)
     unit = _unit(found[2]) if found else ""
     return (found[1], unit) if found and unit else (name, "")
 
 
-def _cut(text: str, place: int) -> tuple[str, str]:
+def _cut_unit(text: str, place: int) -> tuple[str, str]:
     """Return the unit of the number before a text, and the name of the number behind it."""
     text = _BRACKETS.sub(r"(\1)", _OF_AXIS.sub(r"_\1", text))
     parts = _ENDS.split(text)

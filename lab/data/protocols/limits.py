@@ -63,13 +63,13 @@ class LimitCheck:
     def accepts(self, rate: Vector, force: Vector) -> bool:
         """Return whether a sample is within the limits; NaN stands for a whole triad that is not measured."""
         limits = self.limits
-        if not (_within(rate, limits.rate) and _within(force, limits.force)):
+        if not (_is_within(rate, limits.rate) and _is_within(force, limits.force)):
             return False
         if not self._steps:
             return True
         values = (*rate, *force)
-        near = self._last is None or self._near(values, self._last)
-        if near or (self._odd is not None and self._near(values, self._odd)):
+        near = self._last is None or self._is_near(values, self._last)
+        if near or (self._odd is not None and self._is_near(values, self._odd)):
             self._last, self._odd = values, None
             return True
         self._odd = values
@@ -81,7 +81,7 @@ class LimitCheck:
             one and (*(factor * rate for rate in one[:3]), *one[3:]) for one in (self._last, self._odd)
         )
 
-    def _near(self, values: Vector, others: Vector) -> bool:
+    def _is_near(self, values: Vector, others: Vector) -> bool:
         # Written so that NaN, of a triad that is not measured, is near.
         limits = self.limits
         return not (
@@ -90,7 +90,7 @@ class LimitCheck:
         )
 
 
-def _within(vector: Vector, largest: float) -> bool:
+def _is_within(vector: Vector, largest: float) -> bool:
     x, y, z = vector
     if -largest <= x <= largest and -largest <= y <= largest and -largest <= z <= largest:
         return True

@@ -48,7 +48,7 @@ class LineShape(NamedTuple):
     others: tuple[str, ...]
 
 
-def shape_of(lines: Sequence[str]) -> LineShape | None:
+def find_shape(lines: Sequence[str]) -> LineShape | None:
     """Return the shape of most lines; None if none has numbers."""
     best: LineShape | None = None
     best_score = (False, 0)
@@ -57,8 +57,8 @@ def shape_of(lines: Sequence[str]) -> LineShape | None:
         for comma in (False, True) if separator != "," else (False,):
             kinds: dict[tuple[str, str, int], list[list[str]]] = {}
             for line in lines:
-                prefix = prefix_of(line, separator)
-                cells = cells_of(line[len(prefix) :], separator)
+                prefix = find_prefix(line, separator)
+                cells = split_cells(line[len(prefix) :], separator)
                 if comma:
                     cells = [_DECIMAL_COMMA.sub(".", cell) for cell in cells]
                 if not AXES <= len(cells) <= MAX_COLUMNS:
@@ -93,7 +93,7 @@ def shape_of(lines: Sequence[str]) -> LineShape | None:
     return best
 
 
-def prefix_of(line: str, separator: str) -> str:
+def find_prefix(line: str, separator: str) -> str:
     """Return what stands before the first number; a first cell that is a text is no such prefix."""
     found = _PREFIX.match(line)
     if found is None or IS_VALUE.fullmatch(found[0]):
@@ -121,7 +121,7 @@ def headings_in(line: str, separator: str) -> list[str]:
     return cells if whole and not any(IS_STAMP.fullmatch(cell) for cell in cells) else []
 
 
-def header_of(lines: Sequence[str], separator: str, count: int) -> list[str] | None:
+def find_header(lines: Sequence[str], separator: str, count: int) -> list[str] | None:
     """Return the headings of the last line with the right number of cells, of which none is a number.
 
     Where that holds units alone, those of the line before, each with its unit.
@@ -132,7 +132,7 @@ def header_of(lines: Sequence[str], separator: str, count: int) -> list[str] | N
     return found[-1] if found else None
 
 
-def cells_of(line: str, separator: str) -> list[str]:
+def split_cells(line: str, separator: str) -> list[str]:
     """Return the cells of a line; one after the last separator that is empty is left out."""
     cells = line.split() if separator == " " else [cell.strip() for cell in line.split(separator)]
     return cells[:-1] if cells and not cells[-1] else cells

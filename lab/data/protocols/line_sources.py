@@ -80,7 +80,7 @@ def is_source(cell: str, name: str) -> bool:
     return IS_NUMBER.fullmatch(cell) is not None and float(cell) == float(name)
 
 
-def taking_turns(cells: Sequence[Sequence[str]], columns: Sequence[Column]) -> Iterator[Sources]:
+def find_alternating_sources(cells: Sequence[Sequence[str]], columns: Sequence[Column]) -> Iterator[Sources]:
     """Yield the columns, of those that are not known, whose few values take turns from line to line.
 
     Parameters
@@ -129,12 +129,14 @@ def are_devices(
     own = sum(one.startswith(heading) for one in headings) == 1
     limit = _NAMED_APART if own and names_a_device(heading) else _APART
     values = np.array([line[sources.place].strip() for line in cells])
-    if _stand_apart(values, sources.names, readings, limit):
+    if _differ_clearly(values, sources.names, readings, limit):
         return True
     return False if len(values) >= _ENOUGH * len(sources.names) else None
 
 
-def _stand_apart(values: NDArray[np.str_], names: Sequence[str], readings: FloatArray, limit: float) -> bool:
+def _differ_clearly(
+    values: NDArray[np.str_], names: Sequence[str], readings: FloatArray, limit: float
+) -> bool:
     """Return whether the readings (n, k) of lines with one value differ from those of the lines around."""
     away = readings[1:-1] - (readings[:-2] + readings[2:]) / 2
     known = np.isfinite(away).all(axis=1)

@@ -161,7 +161,7 @@ class Mavlink(Framing):
             raise ImportError(MISSING) from error
         self._known: dict[int, Any] = dialect.mavlink_map
         self._forms = {
-            message.id: (message.msgname, message.unpacker, _places(message))
+            message.id: (message.msgname, message.unpacker, _field_places(message))
             for message in self._known.values()
             if message.msgname in MESSAGES
         }
@@ -362,7 +362,7 @@ def _number(frame: bytes | bytearray) -> int:
     return int.from_bytes(frame[7:10], "little") if frame[0] == _MAGICS[0] else frame[5]
 
 
-def _places(message: Any) -> list[tuple[str, int, float, tuple[int, ...]]]:
+def _field_places(message: Any) -> list[tuple[str, int, float, tuple[int, ...]]]:
     """Return name, place, unit (0 for text) and numbers for what is unknown, of the fields of a message."""
     names: list[str] = []
     for name, count in zip(message.ordered_fieldnames, message.lengths, strict=True):

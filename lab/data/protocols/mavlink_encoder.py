@@ -16,7 +16,14 @@ from lab.base.arrays import FloatArray
 from lab.base.parameters.units import GAUSS
 from lab.data.protocols.mavlink import MISSING
 from lab.data.protocols.samples import NO_FIX
-from lab.data.protocols.sending import FrameEncoder, known, microseconds, sent_fix, vector, whole
+from lab.data.protocols.sending import (
+    FrameEncoder,
+    known_fields,
+    microseconds,
+    round_to_bits,
+    sent_fix,
+    vector,
+)
 from lab.data.protocols.sent_solution import SentSolution
 
 HEARTBEAT_PERIOD = 1.0
@@ -52,23 +59,23 @@ class MavlinkEncoder(FrameEncoder):
         if np.isfinite(row["heading"]):
             yaw = round(1e2 * math.degrees(row["heading"])) % 36_000 or 36_000
             unknown = (NO_FIX, 0, 0, 0, _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, 255, 0, 0)
-            spread = round(1e5 * math.degrees(known(row, "heading_sigma")[0]))
-            packed += self._packed(self._link.gps2_raw_encode(now, *unknown, yaw, hdg_acc=spread))
+            spread = round(1e5 * math.degrees(known_fields(row, "heading_sigma")[0]))
+            packed += self._pack_message(self._link.gps2_raw_encode(now, *unknown, yaw, hdg_acc=spread))
         if np.isfinite(row["speed"]):
             speed = float(row["speed"])
             before, slow, distance = self._wheel or (now, speed, 0.0)
             distance += (speed + slow) / 2 * (now - before) * 1e-6
             self._wheel = now, speed, distance
-            packed += self._packed(self._link.wheel_distance_encode(now, 1, [distance, *[0.0] * 15]))
+            packed += self._pack_message(self._link.wheel_distance_encode(now, 1, [distance, *[0.0] * 15]))
         return packed
 
     def _sample(self, row: np.void) -> bytes:
-        temperature, pressure = known(row, "temperature", "pressure")
+        temperature, pressure = known_fields(row, "temperature", "pressure")
         message = self._link.highres_imu_encode(
             microseconds(row["time"]), *vector(row, "force"), *vector(row, "rate"),
             *vector(row, "magnetic", GAUSS), pressure / 100, 0.0, 0.0, temperature, _ALL_FIELDS,
         )  # fmt: skip
-        return self._packed(message)
+        return self._pack_message(message)
 
     def _fix(self, row: np.void) -> bytes:
         fix = sent_fix(row)
@@ -82,10 +89,10 @@ class MavlinkEncoder(FrameEncoder):
             fix.satellites if row["satellites"] >= 0 else 255, 0 if row["sea_level"] else height,
             round(1e3 * fix.horizontal_sigma), round(1e3 * fix.vertical_sigma), round(1e3 * fix.speed_sigma),
         )  # fmt: skip
-        return self._packed(message)
+        return self._pack_message(message)
 
-    def _packed(self, message: object) -> bytes:
-        return _packed_by(self._link, message)
+    def _pack_message(self, message: object) -> bytes:
+        return _pack_by_link(self._link, message)
 
 
 class MavlinkSolution:
@@ -118,34 +125,34 @@ class MavlinkSolution:
         if solution.has_attitude:
             roll, pitch, heading = np.radians(solution.euler).tolist()
             yaw = (heading + math.pi) % (2 * math.pi) - math.pi if solution.has_heading else math.nan
-            rates = _singles(np.radians(solution.rate))
+            rates = _limit_to_single(np.radians(solution.rate))
             messages.append(link.attitude_encode(boot, roll, pitch, yaw, *rates))
         if solution.has_position and math.isfinite(solution.sea_height):
             messages += self._place(solution, boot)
-        return b"".join(_packed_by(link, message) for message in messages)
+        return b"".join(_pack_by_link(link, message) for message in messages)
 
     def _place(self, solution: SentSolution, boot: int) -> list[object]:
         link, sea = self._link, solution.sea_height
         if math.isnan(self._home):
             self._home = sea
         place = round(1e7 * solution.latitude), round(1e7 * solution.longitude)
-        heights = whole(1e3 * sea, 32), whole(1e3 * (sea - self._home), 32)
+        heights = round_to_bits(1e3 * sea, 32), round_to_bits(1e3 * (sea - self._home), 32)
         has_heading = solution.has_attitude and solution.has_heading
         heading = float(solution.euler[2]) % 360
         messages = []
         north, east, down = solution.velocity_n.tolist()
         if math.isfinite(north + east + down):
             yaw = round(100 * heading) % 36_000 if has_heading else _UNKNOWN
-            speeds = (whole(100 * one) for one in (north, east, down))
+            speeds = (round_to_bits(100 * one) for one in (north, east, down))
             messages.append(link.global_position_int_encode(boot, *place, *heights, *speeds, yaw))
             course = round(heading) % 360 if has_heading else 0
-            speed, height, climb = _singles(np.array([solution.speed, sea, -down]))
+            speed, height, climb = _limit_to_single(np.array([solution.speed, sea, -down]))
             messages.append(link.vfr_hud_encode(math.nan, speed, course, 0, height, climb))
         covariance = np.full((6, 6), np.nan)
         covariance[:3, :3] = solution.position_covariance
         covariance[range(3, 6), range(3, 6)] = solution.velocity_sigma**2
-        velocity = _singles(solution.velocity_n)
-        utc, flat = microseconds(solution.utc), _singles(covariance.ravel())
+        velocity = _limit_to_single(solution.velocity_n)
+        utc, flat = microseconds(solution.utc), _limit_to_single(covariance.ravel())
         messages.append(link.global_position_int_cov_encode(utc, _GPS_INS, *place, *heights, *velocity, flat))
         return messages
 
@@ -158,12 +165,12 @@ def _link_of_system_1() -> Any:
     return dialect.MAVLink(None, srcSystem=1, srcComponent=1)
 
 
-def _singles(values: FloatArray) -> list[float]:
+def _limit_to_single(values: FloatArray) -> list[float]:
     """Return numbers that fit into single precision."""
     return np.clip(values, -_LARGEST_SINGLE, _LARGEST_SINGLE).tolist()  # type: ignore[no-any-return]
 
 
-def _packed_by(link: Any, message: Any) -> bytes:
+def _pack_by_link(link: Any, message: Any) -> bytes:
     packed = message.pack(link)
     link.seq = (link.seq + 1) % 256
     return bytes(packed)

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.arrays import Flags, FloatArray
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.files import streams
 from lab.data.files.fields import SEA_LEVEL, one_file, units_of_the_format
@@ -96,7 +96,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     if velocity is None or position is None:
         flight = _gps_track(path, vehicle, geoid, remarks, kind).flight()
     else:
-        flight = streams.flight_of(
+        flight = streams.make_flight(
             path,
             NAME,
             velocity,
@@ -106,7 +106,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             remarks=remarks,
             vehicle=kind,
         )
-    return replace(flight, dropped=(*flight.dropped, *_others(log, vehicle)))
+    return replace(flight, dropped=(*flight.dropped, *_report_other_vehicles(log, vehicle)))
 
 
 def read_log(path: Path) -> SensorLog:
@@ -124,7 +124,7 @@ def read_log(path: Path) -> SensorLog:
         missing = "a GPS (GPS_RAW_INT)" if gps is None else f"an IMU ({', '.join(_IMUS)})"
         raise MissionError(
             f"{path}: the vehicle did not send {missing} that can be used; accepted are logs with both. It "
-            f"has {_listed(vehicle)}"
+            f"has {_list_vehicle(vehicle)}"
         )
     if imu.rate < MIN_IMU_RATE:
         raise MissionError(
@@ -147,7 +147,7 @@ def read_imu(path: Path) -> Stream:
 
 def _vehicle(path: Path) -> tuple[Telemetry, Vehicle]:
     """Return the content of a file, and the vehicle with most position messages between two starts."""
-    data = whole(path, streams.MAX_LOG_BYTES)
+    data = read_whole(path, streams.MAX_LOG_BYTES)
     if not recognises(data):
         raise MissionError(f"{path}: is no {NAME}")
     try:
@@ -157,7 +157,7 @@ def _vehicle(path: Path) -> tuple[Telemetry, Vehicle]:
     vehicles = [vehicle for vehicle in log.vehicles.values() if not _on_the_ground(vehicle)]
     if not vehicles:
         raise MissionError(
-            f"{path}: holds no message of a vehicle that can be used ({counted(log.lost, 'byte')} in no "
+            f"{path}: holds no message of a vehicle that can be used ({count_noun(log.lost, 'byte')} in no "
             f"sound message); accepted are {', '.join(MESSAGES)}"
         )
     where = ("GLOBAL_POSITION_INT", "GPS_RAW_INT")
@@ -180,7 +180,7 @@ def _kind(vehicle: Vehicle) -> str:
     return "" if beat is None else MAV_TYPES.get(int(beat["type"][-1]), "")
 
 
-def _others(log: Telemetry, vehicle: Vehicle) -> tuple[Dropped, ...]:
+def _report_other_vehicles(log: Telemetry, vehicle: Vehicle) -> tuple[Dropped, ...]:
     """Return the report on messages of other vehicles, or of another start of the autopilot."""
     others = [one for one in log.vehicles.values() if one is not vehicle and not _on_the_ground(one)]
     count = sum(one.count for one in others) + log.others
@@ -197,12 +197,12 @@ def _remarks(log: Telemetry, geoid: float | None) -> tuple[str, ...]:
     remarks.append(SEA_LEVEL if geoid is None else f"{above} ({geoid:.1f} m).")
     if log.lost:
         remarks.append(
-            f"{counted(log.lost, 'byte')} of the file belong to no sound message, and are left out."
+            f"{count_noun(log.lost, 'byte')} of the file belong to no sound message, and are left out."
         )
     return tuple(remarks)
 
 
-def _listed(vehicle: Vehicle) -> str:
+def _list_vehicle(vehicle: Vehicle) -> str:
     return ", ".join(f"{count} {name}" for name, count in vehicle.counts.items())
 
 
@@ -222,14 +222,14 @@ def _messages(vehicle: Vehicle, name: str) -> Messages | None:
     return {**messages, TIME: np.where(messages["time_usec"] > 0, time, np.nan)}
 
 
-def _place(messages: Messages) -> FloatArray:
+def _read_place(messages: Messages) -> FloatArray:
     """Return latitude, longitude [rad] and height above sea level [m], (n, 3), of messages."""
     return np.column_stack([messages[name] for name in ("lat", "lon", "alt")])
 
 
-def _fixed(gps: Messages) -> Flags:
+def _mask_fixed(gps: Messages) -> Flags:
     """Return which messages of GPS_RAW_INT have a three-dimensional fix."""
-    return (gps["fix_type"] >= FIX_3D) & streams.is_position(_place(gps))
+    return (gps["fix_type"] >= FIX_3D) & streams.is_position(_read_place(gps))
 
 
 def _geoid(vehicle: Vehicle) -> float | None:
@@ -238,7 +238,7 @@ def _geoid(vehicle: Vehicle) -> float | None:
     if gps is None:
         return None
     return streams.geoid_height(
-        (gps["alt_ellipsoid"] - gps["alt"])[_fixed(gps) & np.isfinite(gps["alt_ellipsoid"])]
+        (gps["alt_ellipsoid"] - gps["alt"])[_mask_fixed(gps) & np.isfinite(gps["alt_ellipsoid"])]
     )
 
 
@@ -260,13 +260,13 @@ def _imu(vehicle: Vehicle) -> Stream | None:
 
 def _gnss(vehicle: Vehicle, gps: Messages) -> GnssLog:
     """Return the fixes of GPS_RAW_INT; it has no vertical velocity."""
-    place, speed, course = _place(gps), gps["vel"], gps["cog"]
+    place, speed, course = _read_place(gps), gps["vel"], gps["cog"]
     place[:, 2] += _geoid(vehicle) or 0.0
     velocity = np.column_stack((speed * np.cos(course), speed * np.sin(course), np.full(len(speed), np.nan)))
     sigmas = [gps[name] for name in ("h_acc", "v_acc", "vel_acc")]
     delay = streams.gps_delay(1e-3 * max(vehicle.parameters.get(name, 0.0) for name in DELAYS))
-    arm = streams.lever_arm_of(vehicle.parameters, ARMS)
-    return streams.gnss_of(gps[TIME], place, velocity, sigmas, gps["fix_type"] >= FIX_3D, arm, delay)
+    arm = streams.read_lever_arm(vehicle.parameters, ARMS)
+    return streams.make_gnss_log(gps[TIME], place, velocity, sigmas, gps["fix_type"] >= FIX_3D, arm, delay)
 
 
 def _headings(vehicle: Vehicle) -> Headings | None:
@@ -285,7 +285,7 @@ def _headings(vehicle: Vehicle) -> Headings | None:
 def _wheels(vehicle: Vehicle) -> Series | None:
     """Return the mean speed of the wheels between two messages, at the time in the middle."""
     messages = _messages(vehicle, "WHEEL_DISTANCE")
-    distances = streams.columns_of(messages, *MESSAGES["WHEEL_DISTANCE"][2:])
+    distances = streams.stack_fields(messages, *MESSAGES["WHEEL_DISTANCE"][2:])
     if messages is None or distances is None:
         return None
     count = messages["count"]
@@ -311,7 +311,7 @@ def _position(vehicle: Vehicle, geoid: float | None) -> Stream | None:
     messages = _messages(vehicle, "GLOBAL_POSITION_INT")
     if messages is None:
         return None
-    place = _place(messages)
+    place = _read_place(messages)
     valid = streams.is_position(place)
     place[:, 2] += geoid or 0.0
     return streams.first_usable((Stream.of("position", messages[TIME], place, valid),))
@@ -323,7 +323,7 @@ def _attitude(vehicle: Vehicle) -> Stream | None:
     angles = Stream.of_fields("attitude", _messages(vehicle, "ATTITUDE"), "roll", "pitch", "yaw")
     return streams.most_frequent(
         (
-            streams.attitude_of(Stream.of_fields("attitude", quaternions, "q1", "q2", "q3", "q4")),
+            streams.make_attitude_stream(Stream.of_fields("attitude", quaternions, "q1", "q2", "q3", "q4")),
             streams.attitude_of_angles(angles),
         )
     )
@@ -337,16 +337,16 @@ def _no_fix(vehicle: Vehicle) -> str:
         said += "no GPS_RAW_INT was sent"
     else:
         said += streams.without_fix("messages GPS_RAW_INT", len(gps["lat"]), "fix_type", gps["fix_type"])
-    return f"{said}; accepted are logs with positions. It has {_listed(vehicle)}"
+    return f"{said}; accepted are logs with positions. It has {_list_vehicle(vehicle)}"
 
 
 def _gps_track(
     path: Path, vehicle: Vehicle, geoid: float | None, remarks: tuple[str, ...], kind: str
 ) -> Track:
     gps = _messages(vehicle, "GPS_RAW_INT")
-    if gps is None or not _fixed(gps).any():
+    if gps is None or not _mask_fixed(gps).any():
         raise MissionError(f"{path}: {_no_fix(vehicle)}")
-    known, place = _fixed(gps), _place(gps)
+    known, place = _mask_fixed(gps), _read_place(gps)
     lines = np.arange(1, len(known) + 1)
     return Track(
         path=path,

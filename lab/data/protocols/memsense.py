@@ -22,7 +22,7 @@ from lab.base.parameters.units import GAUSS, STANDARD_GRAVITY
 from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
-from lab.data.protocols.sending import FrameEncoder, vector, whole
+from lab.data.protocols.sending import FrameEncoder, round_to_bits, vector
 
 SIZE = 38  # bytes of a frame
 MESSAGE = 0x14  # kind of message with the samples
@@ -107,5 +107,5 @@ class MemsenseEncoder(FrameEncoder):
         time = float(row["time"])
         timer = round(time / TICK) % 2**16 if math.isfinite(time) else 0
         frame = _START + bytes((0xFF, MESSAGE)) + _TIMER.pack(timer) + bytes(4)
-        frame += _NUMBERS.pack(*map(whole, counts))
+        frame += _NUMBERS.pack(*map(round_to_bits, counts))
         return frame + bytes((sum8(frame),))

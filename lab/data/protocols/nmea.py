@@ -196,7 +196,7 @@ class Nmea(Framing):
             return False
         said = dict(zip(names, cells, strict=False))
         clock = _time_of_day(said["time"]) if "time" in said else None
-        place = _place(said) if kind in POSITIONS else None
+        place = _read_place(said) if kind in POSITIONS else None
         if self._receivers.is_other(kind, frame[1:3], clock, place):
             return True
         now = clock if "time" in said else self._epochs.present.now
@@ -248,7 +248,7 @@ class Nmea(Framing):
         if self._silent():
             return
         said = [epoch.said[kind] for kind in SENTENCES if kind in epoch.said]
-        latitude, longitude = next((place for one in said if (place := _place(one))), (NAN, NAN))
+        latitude, longitude = next((place for one in said if (place := _read_place(one))), (NAN, NAN))
         cells = {name: cell for one in reversed(said) for name, cell in one.items() if cell}
         altitude, geoid, satellites, north, east, up, speed, course = (
             _number(cells.get(name, b"")) for name in _NUMBERS
@@ -266,7 +266,7 @@ class Nmea(Framing):
             speed * KNOT if math.isnan(kmh) else kmh * KILOMETRE_PER_HOUR, course
         )
         velocity = (*velocity[:2], down if abs(down) <= LARGEST_SPEED else NAN)
-        kind = _combined([kind for one in said if (kind := _kind_of(one)) is not None])
+        kind = _combine_kinds([kind for one in said if (kind := _fix_kind(one)) is not None])
         rows.add_fix(
             epoch.end,
             utc=NAN if epoch.now is None else epoch.now + DAY * self._day,
@@ -304,7 +304,7 @@ def _name(frame: bytes | bytearray) -> str:
     return _UBLOX if text == f"${_UBLOX}," else text[3:6]
 
 
-def _kind_of(said: _Said) -> int | None:
+def _fix_kind(said: _Said) -> int | None:
     """Return the kind of fix that a sentence says; None for one of other things."""
     if "solution" in said:
         return _SOLUTIONS.get(said["solution"].decode("latin-1"), NO_FIX)
@@ -314,14 +314,14 @@ def _kind_of(said: _Said) -> int | None:
     if "modes" in said:
         modes = [_MODES.get(mode, NO_FIX) for mode in said["modes"].decode("latin-1")]
         best = max(modes, default=NO_FIX)
-        return best if NO_FIX < best != SIMULATED else _combined(modes)
+        return best if NO_FIX < best != SIMULATED else _combine_kinds(modes)
     if "status" not in said:
         return None
     kind = _MODES.get(said.get("mode", b"").decode("latin-1"), FIX_3D)
     return kind if kind in _NOT_BY_SATELLITES or said["status"] == b"A" else WARNED
 
 
-def _combined(kinds: list[int]) -> int:
+def _combine_kinds(kinds: list[int]) -> int:
     """Return the kind of a fix of which sentences say several: what is said to be no measurement is none."""
     for kind in _NOT_BY_SATELLITES:
         if kind in kinds:
@@ -344,7 +344,7 @@ def _time_of_day(cell: bytes) -> float | None:
     return 3600 * hours + 60 * minutes + seconds
 
 
-def _place(said: _Said) -> tuple[float, float] | None:
+def _read_place(said: _Said) -> tuple[float, float] | None:
     """Return latitude and longitude of a sentence [rad]; None if it has none."""
     if "lat" not in said:
         return None

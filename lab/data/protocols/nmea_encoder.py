@@ -76,7 +76,7 @@ class NmeaEncoder(HeadingEncoder):
         return text
 
 
-def sentences_of(solution: SentSolution, talker: str = TALKER) -> bytes:
+def encode_sentences(solution: SentSolution, talker: str = TALKER) -> bytes:
     """Return a solution as GGA, RMC, VTG, GST and HDT; what is not known is an empty field.
 
     GST is left out without a position, HDT without a true heading.

@@ -42,16 +42,16 @@ class _Path:
         self.now, self.place = now, place
         self._pace = (0.0, 0.0)
 
-    def away(self, now: float, place: Place) -> float:
+    def distance_to(self, now: float, place: Place) -> float:
         """Return the distance of a position from this path [rad]."""
-        since = _passed(self.now, now)
+        since = _elapsed_time(self.now, now)
         step = since if 0 < since <= _GOES_ON else 0.0
         ahead = (one + step * pace for one, pace in zip(self.place, self._pace, strict=True))
         return _distance((*ahead,), place)  # type: ignore[arg-type]
 
     def go_on(self, now: float, place: Place) -> None:
         """Take the next position."""
-        since = _passed(self.now, now)
+        since = _elapsed_time(self.now, now)
         if 0 < since <= _GOES_ON:
             self._pace = (place[0] - self.place[0]) / since, (place[1] - self.place[1]) / since
         elif since:
@@ -139,12 +139,12 @@ class Receivers:
             self._paths = [_Path(now, before), _Path(now, place)]
             self._apart = place[0] - before[0], place[1] - before[1]
         main, other = self._paths
-        if _passed(main.now, now) > _SILENT >= _passed(other.now, now):
+        if _elapsed_time(main.now, now) > _SILENT >= _elapsed_time(other.now, now):
             self._paths = [other, main]
             main, other = self._paths
             self._apart = -self._apart[0], -self._apart[1]
             self._in_order.clear()
-        mine, its = main.away(now, place), other.away(now, place)
+        mine, its = main.distance_to(now, place), other.distance_to(now, place)
         if main.now == now != other.now:
             is_other = mine > _SAME
         elif other.now == now != main.now:
@@ -154,10 +154,10 @@ class Receivers:
             self._first_is_other = is_other
         (other if is_other else main).go_on(now, place)
         if main.now == other.now:
-            self._look_back()
+            self._check_direction()
         return is_other
 
-    def _look_back(self) -> None:
+    def _check_direction(self) -> None:
         """See by the direction between two positions of one time whether they were taken for each other."""
         main, other = self._paths
         apart = other.place[0] - main.place[0], other.place[1] - main.place[1]
@@ -175,6 +175,6 @@ def _distance(one: Place, other: Place) -> float:
     return math.hypot(other[0] - one[0], math.cos(one[0]) * east)
 
 
-def _passed(before: float, now: float) -> float:
+def _elapsed_time(before: float, now: float) -> float:
     """Return the time from one time of day to another, which may be of the next day [s]."""
     return (now - before + DAY / 2) % DAY - DAY / 2

@@ -37,7 +37,14 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.data.protocols.sending import MOST_SATELLITES, FrameEncoder, known, sent_fix, vector, whole
+from lab.data.protocols.sending import (
+    MOST_SATELLITES,
+    FrameEncoder,
+    known_fields,
+    round_to_bits,
+    sent_fix,
+    vector,
+)
 
 _LONG, _SHORT = b"\xaaD\x12", b"\xaaD\x13"
 """Sync of binary messages."""
@@ -292,17 +299,17 @@ class NovAtelEncoder(FrameEncoder):
         interval, self._last = time - self._last, time
         turn, push = (unit / interval if interval > 0 else math.inf for unit in _SCALES[_ADIS])
         (gx, gy, gz), (ax, ay, az) = vector(row, "rate", turn), vector(row, "force", push)
-        counts = (whole(one, 32) for one in (az, -ay, ax, gz, -gy, gx))
+        counts = (round_to_bits(one, 32) for one in (az, -ay, ax, gz, -gy, gx))
         week, seconds = divmod(time, WEEK)
         body = _MESSAGES["RAWIMUX"].fields.pack(0, _ADIS, int(week), seconds, 0, *counts)
         head = struct.pack("<BHHI", len(body), 1462, int(week), round(1e3 * seconds))
-        return _summed(_SHORT + head + body)
+        return _append_crc(_SHORT + head + body)
 
     def _fix(self, row: np.void) -> bytes:
         fix = sent_fix(row)
         kind = next((number for number, one in _KINDS.items() if one == fix.kind), 16)
         state, kind = (0, int(kind)) if fix.kind > NO_FIX else (1, 0)
-        week, seconds = divmod(max(known(row, "time")[0], 0.0), WEEK)
+        week, seconds = divmod(max(known_fields(row, "time")[0], 0.0), WEEK)
         place = (fix.latitude, fix.longitude, fix.height, 0.0, 61)
         sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma)
         bodies = {
@@ -317,9 +324,9 @@ class NovAtelEncoder(FrameEncoder):
         for number, body in bodies.items():
             size = len(body)
             head = _LONG_HEADER.pack(_LONG, _LONG_HEAD, number, 0, 32, size, 0, 0, 180, *stamp, 0, 0, 0)
-            frames += _summed(head + body)
+            frames += _append_crc(head + body)
         return frames
 
 
-def _summed(message: bytes) -> bytes:
+def _append_crc(message: bytes) -> bytes:
     return message + _crc(message).to_bytes(_CHECK, "little")

@@ -92,13 +92,13 @@ def columns_by_numbers(rows: FloatArray, remarks: list[str]) -> list[Column]:
         # A device that is turned has forces that grow from line to line, too, but not by one in each.
         others: list[str] = []
         without = _vectors_by_numbers(rows, None, others)
-        if _known(without) > _known(columns):
+        if _count_known(without) > _count_known(columns):
             columns, said = without, others
     remarks += said
     return columns
 
 
-def _known(columns: Sequence[Column]) -> int:
+def _count_known(columns: Sequence[Column]) -> int:
     return sum(column.quantity != IGNORED for column in columns)
 
 
@@ -131,7 +131,7 @@ def _vectors_by_numbers(
     is_steadier = _scatter(rows[:, steadiest]) < _scatter(rows[:, alike[0]]) / 2
     force = steadiest if is_steadier else alike[0]
     unit, length = _gravity(rows[:, force]) or ("", 0.0)
-    _put(columns, "force", unit, force)
+    _set_vector(columns, "force", unit, force)
     remarks.append(f"force: columns {_numbers(force)} are {length:.3g} {unit} long, about 1 g.")
     place = {at: number for number, at in enumerate(numbers)}
     start = place[force[0]] % 3
@@ -148,11 +148,11 @@ def _vectors_by_numbers(
     if fields and fields[0] and before and _scatter(rows[:, others[0]]) < _scatter(rows[:, before[-1]]):
         others, fields = [before[-1], others[0]], [None, fields[0]]
     if others:
-        _put(columns, "rate", "", others[0])
+        _set_vector(columns, "rate", "", others[0])
         remarks.append(f"rate: a guess: columns {_numbers(others[0])} are the three beside these.")
     if len(fields) == 2 and fields[1]:
         unit, length = fields[1]
-        _put(columns, "magnetic", unit, others[1])
+        _set_vector(columns, "magnetic", unit, others[1])
         remarks.append(
             f"magnetic: a guess: columns {_numbers(others[1])} are {length:.3g} {unit} long, and steadily."
         )
@@ -241,11 +241,11 @@ def _scatter(three: FloatArray) -> float:
 
 def _gravity(three: FloatArray) -> tuple[str, float] | None:
     """Return the unit in which three columns are a specific force of about 1 g, and their length."""
-    found = _matched(three, _ONE_G)
+    found = _match_unit(three, _ONE_G)
     if found is not None or not (three == np.round(three)).all():
         return found
     low, high = _ONE_G["g"]
-    return _matched(three, {f"g/{count}": (low * count, high * count) for count in _COUNTS_OF_G})
+    return _match_unit(three, {f"g/{count}": (low * count, high * count) for count in _COUNTS_OF_G})
 
 
 def unit_of_steps(step: float) -> str:
@@ -288,7 +288,7 @@ def time_column(
     return counter, Column("count")
 
 
-def _matched(three: FloatArray, ranges: dict[str, tuple[float, float]]) -> tuple[str, float] | None:
+def _match_unit(three: FloatArray, ranges: dict[str, tuple[float, float]]) -> tuple[str, float] | None:
     """Return the unit in which three columns have a length within a range, and the length."""
     lengths = np.linalg.norm(three, axis=1)
     length = float(np.median(lengths[np.isfinite(lengths)])) if np.isfinite(lengths).any() else 0.0
@@ -299,10 +299,10 @@ def _matched(three: FloatArray, ranges: dict[str, tuple[float, float]]) -> tuple
 
 
 def _field(three: FloatArray) -> tuple[str, float] | None:
-    return _matched(three, _FIELDS) if _scatter(three) <= _STEADY else None
+    return _match_unit(three, _FIELDS) if _scatter(three) <= _STEADY else None
 
 
-def _put(columns: list[Column], vector: str, unit: str, places: Sequence[int]) -> None:
+def _set_vector(columns: list[Column], vector: str, unit: str, places: Sequence[int]) -> None:
     for axis, place in zip("xyz", places, strict=True):
         columns[place] = Column(f"{vector}_{axis}", unit)
 
@@ -343,7 +343,7 @@ def with_units(
         remarks.append(f"rate: a guess: {doubt[0]}, because {why}.")
         doubt = doubt if len(doubt) > 1 else ()
     if magnetic is not None and "magnetic" not in units:
-        units["magnetic"] = (_matched(magnetic, _FIELDS) or ("µT", 0.0))[0]
+        units["magnetic"] = (_match_unit(magnetic, _FIELDS) or ("µT", 0.0))[0]
     place = [name for name in OF_A_FIX[:2] if name in places and not units.get(name)]
     most = [float(np.nanmax(np.abs(rows[:, places[name]]), initial=0.0)) for name in place]
     units |= {name: "1e-7°" if one > _MOST_DEGREES else "°" for name, one in zip(place, most, strict=True)}

@@ -62,9 +62,9 @@ class Pairing:
             if waits and not last and len(rates) <= _HELD:
                 return
             rates.popleft()
-            yield time, rate, self._force_at(time)
+            yield time, rate, self._interpolate_force(time)
 
-    def _force_at(self, time: float) -> Vector:
+    def _interpolate_force(self, time: float) -> Vector:
         if not self._forces:
             return UNKNOWN
         (before, force), *others = (

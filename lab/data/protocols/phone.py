@@ -84,11 +84,11 @@ class PhoneLines(Framing):
 
     def passes(self, frame: bytes) -> bool:
         """Return whether the line has the checksum that it states."""
-        return phone_line.passes(frame)
+        return phone_line.has_valid_checksum(frame)
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Add the samples and fixes of a line; return whether it is one that is read."""
-        line = phone_line.line_of(frame)
+        line = phone_line.parse_line(frame)
         if line is None or not (line.samples or line.force or line.fix or line.attitude):
             return False
         self._end = end
@@ -259,7 +259,7 @@ class PhoneEncoder(FrameEncoder):
             rows = imu[begin : begin + _TOGETHER]
             line.imu = np.column_stack((rows["time"], rows["rate"], rows["force"])).tolist()
             self._first += len(rows)
-            data += self._written(line)
+            data += self._write_line(line)
         return data
 
     def _fix(self, row: np.void) -> bytes:
@@ -270,8 +270,8 @@ class PhoneEncoder(FrameEncoder):
         sigma = (row["horizontal_sigma"], row["vertical_sigma"])
         rest = (*row["velocity_n"], row["speed_sigma"], row["sea_level"])
         line.fix = [[float(one) for one in (row["time"], row["utc"], *place, *sigma, *rest)]]
-        return self._written(line)
+        return self._write_line(line)
 
-    def _written(self, line: PhoneLine) -> bytes:
+    def _write_line(self, line: PhoneLine) -> bytes:
         self._number += 1
         return line.written()

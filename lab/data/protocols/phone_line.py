@@ -12,7 +12,7 @@ import zlib
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from lab.data.protocols.json_rows import number, parsed, rows_of
+from lab.data.protocols.json_rows import number, parse_json, read_rows
 
 HEAD: Final = b'{"phone":1,"check":"'
 """How a line begins; 8 hexadecimal digits of the CRC-32 of what follows them come next."""
@@ -101,15 +101,15 @@ class PhoneLine:
         return HEAD + b"%08x" % zlib.crc32(body) + body + b"\n"
 
 
-def passes(line: bytes) -> bool:
+def has_valid_checksum(line: bytes) -> bool:
     """Return whether a line, with its end, has the checksum that it states."""
     return line[len(HEAD) : _CHECK] == b"%08x" % zlib.crc32(line[_CHECK:-1])
 
 
-def line_of(line: bytes) -> PhoneLine | None:
+def parse_line(line: bytes) -> PhoneLine | None:
     """Return the batch of a line, or None if it holds anything else than one."""
-    said = parsed(line)
-    return None if not isinstance(said, dict) else _batch_of(said)
+    said = parse_json(line)
+    return None if not isinstance(said, dict) else _parse_batch(said)
 
 
 def direction(value: Any) -> Row | None:
@@ -120,22 +120,22 @@ def direction(value: Any) -> Row | None:
     return numbers if abs(math.hypot(*numbers) - 1) < _UNIT_TOLERANCE else None
 
 
-def _batch_of(said: dict[str, Any]) -> PhoneLine | None:
+def _parse_batch(said: dict[str, Any]) -> PhoneLine | None:
     source, unit, origin = said.get("source"), said.get("unit"), number(said.get("origin"))
     if not isinstance(source, str) or unit not in {DEGREES, RADIANS} or math.isnan(origin):
         return None
     rows = {}
     for name, width in _WIDTHS.items():
-        found = rows_of(said.get(name), width, MOST_FIXES if name == "fix" else MOST_SAMPLES)
+        found = read_rows(said.get(name), width, MOST_FIXES if name == "fix" else MOST_SAMPLES)
         if found is None:
             return None
         rows[name] = found
     return PhoneLine(
-        whole(said.get("number")), origin, whole(said.get("first")), source, said.get("apple") is True, unit,
-        direction(said.get("up")), **rows,
+        parse_whole_number(said.get("number")), origin, parse_whole_number(said.get("first")), source,
+        said.get("apple") is True, unit, direction(said.get("up")), **rows,
     )  # fmt: skip
 
 
-def whole(value: Any) -> int:
+def parse_whole_number(value: Any) -> int:
     """Return a whole number from 0 to 2**53 out of JSON; -1 if it is none."""
     return value if type(value) is int and 0 <= value <= 2**53 else -1

@@ -85,7 +85,7 @@ class Pvt:
         (
             week_time, year, month, day, hour, minute, second, valid, _, nano, kind, flags, _, satellites,
             longitude, latitude, height, _, level, vertical, north, east, down, _, _, speed_sigma,
-        ) = self._ordered(self._form.unpack_from(payload))  # fmt: skip
+        ) = self._order_fields(self._form.unpack_from(payload))  # fmt: skip
         utc = utc_seconds(year, month, day, hour, minute, second + 1e-9 * nano)
         utc = utc if valid & _VALID_TIME == _VALID_TIME else NAN
         metres = 1e-3 * height if abs(1e-3 * height) <= LARGEST_HEIGHT else NAN
@@ -114,9 +114,9 @@ class Pvt:
             round(1e3 * fix.horizontal_sigma), round(1e3 * fix.vertical_sigma), north, east, down,
             round(1e3 * fix.speed), round(1e5 * fix.course), round(1e3 * fix.speed_sigma),
         )  # fmt: skip
-        return self._form.pack(*self._ordered(values))
+        return self._form.pack(*self._order_fields(values))
 
-    def _ordered(self, values: tuple[int, ...]) -> tuple[int, ...]:
+    def _order_fields(self, values: tuple[int, ...]) -> tuple[int, ...]:
         """Return the fields with flags and satellites where UBX has them, or back."""
         if self._form.format.startswith("<"):
             return values

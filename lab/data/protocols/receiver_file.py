@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray, IntArray
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY, WEEK
@@ -131,9 +131,9 @@ def read_nmea(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, or holds too few positions.
     """
     path = one_file(paths, NMEA, fixed=units)
-    data, framing = whole(path, MAX_BYTES), Nmea(waits=True)
+    data, framing = read_whole(path, MAX_BYTES), Nmea(waits=True)
     decoder = StreamDecoder("nmea", (framing,))
-    fixes = _decoded(decoder, data)
+    fixes = _decode_file(decoder, data)
     if not len(fixes):
         raise MissionError(
             f"{path}: none of its sentences can be used ({framing.broken} with a wrong or no checksum); "
@@ -154,7 +154,7 @@ def read_nmea(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         is_of_sea = np.isnan(framing.geoid) and on_sea.any()
         remarks.append(SEA_LEVEL if is_of_sea else f"Heights are above the ellipsoid: {said}.")
     places = _Places(data, b"\n" if b"\n" in data else b"\r", 1)
-    dropped = _broken("sentences with a wrong or no checksum", framing, places)
+    dropped = _report_broken("sentences with a wrong or no checksum", framing, places)
     return _track(path, NMEA, fixes, time, height, places, dropped, remarks)
 
 
@@ -167,12 +167,12 @@ def read_ubx(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If the file cannot be read or is too large, or holds too few positions.
     """
     path = one_file(paths, UBX, fixed=units)
-    data, framing = whole(path, MAX_BYTES), Ubx(waits=True)
-    fixes = _decoded(StreamDecoder("ublox", (framing,)), data)
+    data, framing = read_whole(path, MAX_BYTES), Ubx(waits=True)
+    fixes = _decode_file(StreamDecoder("ublox", (framing,)), data)
     time, start = _gps_time(fixes)
     remarks = [f"Time is that of GPS, from the start of {start}.", "Heights are above the ellipsoid."]
     places = _Places(data, b"\xb5b", 0)
-    dropped = _broken("messages with a wrong checksum", framing, places)
+    dropped = _report_broken("messages with a wrong checksum", framing, places)
     return _track(path, UBX, fixes, time, fixes["height"], places, dropped, remarks)
 
 
@@ -192,9 +192,9 @@ def read(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> RawFligh
         If the file cannot be read or is too large, or holds too few positions.
     """
     path, receiver = one_file(paths, name, fixed=units), _RECEIVERS[name]
-    data = whole(path, MAX_BYTES)
+    data = read_whole(path, MAX_BYTES)
     decoder = StreamDecoder(receiver.protocol, (receiver.framing(),))
-    fixes = _decoded(decoder, data)
+    fixes = _decode_file(decoder, data)
     dated = fixes["time"][np.isfinite(fixes["time"])]
     if not dated.size:
         raise MissionError(
@@ -217,7 +217,7 @@ def read(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> RawFligh
     return _track(path, name, fixes, time, fixes["height"], places, [], remarks)
 
 
-def _decoded(decoder: StreamDecoder, data: bytes) -> NDArray[np.void]:
+def _decode_file(decoder: StreamDecoder, data: bytes) -> NDArray[np.void]:
     parts = [decoder.feed(data[at : at + _BLOCK]).fix for at in range(0, len(data), _BLOCK)]
     return np.concatenate([*parts, decoder.finish().fix])
 
@@ -232,16 +232,16 @@ class _Places:
             marks &= found[place : len(found) - len(mark) + 1 + place] == mark[place]
         self._data, self._marks, self._first = data, np.flatnonzero(marks), first
 
-    def of_ends(self, ends: IntArray) -> IntArray:
+    def find_numbers(self, ends: IntArray) -> IntArray:
         """Return the numbers of what ends at places in the data."""
         return np.asarray(np.searchsorted(self._marks, ends - 1) + self._first)
 
     def of_bytes(self, part: bytes) -> int:
         """Return the number of the first place with some bytes."""
-        return int(self.of_ends(np.array([self._data.find(part) + len(part)]))[0])
+        return int(self.find_numbers(np.array([self._data.find(part) + len(part)]))[0])
 
 
-def _broken(reason: str, framing: Nmea | Ubx, places: _Places) -> list[Dropped]:
+def _report_broken(reason: str, framing: Nmea | Ubx, places: _Places) -> list[Dropped]:
     if not framing.broken:
         return []
     return [Dropped(reason, framing.broken, places.of_bytes(framing.first_broken))]
@@ -259,7 +259,7 @@ def _track(
 ) -> RawFlight:
     """Return the fixes of a file as a flight."""
     rows_read = len(fixes) + sum(one.count for one in dropped)
-    lines = places.of_ends(fixes["end"])
+    lines = places.find_numbers(fixes["end"])
     kind = fixes["fix_type"]
     dropped += Dropped.of("without a fix", kind == NO_FIX, lines)
     known = kind != NO_FIX

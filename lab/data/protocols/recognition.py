@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.data.protocols.catalogue import DECODERS
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.decoder import Decoder
@@ -85,9 +85,9 @@ class Candidate:
     @property
     def evidence(self) -> str:
         """What speaks for it, in a sentence."""
-        found = f"{counted(self.frames, 'line')} with all columns"
+        found = f"{count_noun(self.frames, 'line')} with all columns"
         if not self.columns:
-            found = counted(self.frames, "valid frame")
+            found = count_noun(self.frames, "valid frame")
         rest = "" if self.part > _WHOLE else f"; {1 - self.part:.0%} of the bytes belong to none"
         return f"Recognised as {_NAMES.get(self.name, self.name)} from {found}{rest}."
 
@@ -103,8 +103,8 @@ def recognise(data: bytes) -> list[Candidate]:
         The first bytes, from anywhere in the stream; one or two seconds of it are enough.
     """
     data = data[:_LARGEST]
-    found = [candidate for name in DECODERS if (candidate := _tried(name, data)) is not None]
-    return sorted(found, key=_rank, reverse=True)
+    found = [candidate for name in DECODERS if (candidate := _try_decoder(name, data)) is not None]
+    return sorted(found, key=_rank_candidate, reverse=True)
 
 
 def sound_frames(data: bytes) -> str:
@@ -124,7 +124,7 @@ def sound_frames(data: bytes) -> str:
         return f"NMEA, {unchecked} sentences without a check: have the device send it, such as *5A."
     best, text = 0, ""
     for name, (position, imu) in _TURN_ON.items():
-        decoder = _made(name)
+        decoder = _make_decoder(name)
         if not isinstance(decoder, StreamDecoder):
             continue
         has_imu = bool(len(decoder.feed(data[:_LARGEST]).imu))
@@ -149,7 +149,7 @@ def _printed_bytes(data: bytes) -> bytes:
     return bytes.fromhex(b"".join(pairs).decode()) if len(pairs) > _MOSTLY * len(lines) else b""
 
 
-def _made(name: str) -> Decoder | None:
+def _make_decoder(name: str) -> Decoder | None:
     """Return a decoder; None if its library is not installed."""
     try:
         return DECODERS[name]()
@@ -157,8 +157,8 @@ def _made(name: str) -> Decoder | None:
         return None
 
 
-def _tried(name: str, data: bytes) -> Candidate | None:
-    decoder = _made(name)
+def _try_decoder(name: str, data: bytes) -> Candidate | None:
+    decoder = _make_decoder(name)
     if decoder is None:
         return None
     parts = (decoder.feed(data), decoder.finish())
@@ -175,7 +175,7 @@ def _tried(name: str, data: bytes) -> Candidate | None:
     return Candidate(name, seen.frames, seen.failed, samples, fixes, part, len(data), columns)
 
 
-def _rank(candidate: Candidate) -> tuple[int, float]:
+def _rank_candidate(candidate: Candidate) -> tuple[int, float]:
     """Return what candidates are ordered by: rows from frames with a check go before those from text."""
     rows = candidate.samples + candidate.fixes
     return (0 if candidate.columns else 1) * rows, candidate.part

@@ -129,7 +129,7 @@ class Samples(NamedTuple):
     reading: NDArray[np.void] = NO_READINGS
 
 
-def joined(parts: Sequence[Samples]) -> Samples:
+def join_samples(parts: Sequence[Samples]) -> Samples:
     """Return the rows of all parts."""
     # With the type given, NumPy need not find that of each two parts, which takes longer than to join them.
     return Samples(

@@ -97,7 +97,10 @@ class Sbf(Framing):
         if number == _CARTESIAN and self._is_geodetic:
             return True
         stamp, week, mode, error, *numbers = _PVT.unpack_from(frame, _HEAD)
-        place, velocity = [_known(one) for one in numbers[:3]], [_known(one) for one in numbers[4:7]]
+        place, velocity = (
+            [_known_value(one) for one in numbers[:3]],
+            [_known_value(one) for one in numbers[4:7]],
+        )
         velocity_n: Vector = (velocity[0], velocity[1], -velocity[2])
         if number == _CARTESIAN and all(map(math.isfinite, place)):
             place = ecef.geodetic(np.array([place]))[0].tolist()
@@ -131,8 +134,8 @@ def _read_sensors(frame: bytes, end: int, rows: Rows) -> bool:
             break
         kind, _, *values = _SET.unpack_from(frame, at)
         if kind == _INFO:
-            temperature = _known(_TEMPERATURE.unpack_from(frame, at)[0])
-        found[kind] = [_known(one) for one in values]
+            temperature = _known_value(_TEMPERATURE.unpack_from(frame, at)[0])
+        found[kind] = [_known_value(one) for one in values]
     rate = [one * DEGREE for one in found.get(_RATE, UNKNOWN)]
     if not {_RATE, _FORCE} & set(found):
         return False
@@ -142,7 +145,7 @@ def _read_sensors(frame: bytes, end: int, rows: Rows) -> bool:
     return True
 
 
-def _known(value: float) -> float:
+def _known_value(value: float) -> float:
     return value if math.isfinite(value) and value != _UNKNOWN else NAN
 
 

@@ -50,8 +50,8 @@ class SentFix(NamedTuple):
 
 def sent_fix(row: np.void) -> SentFix:
     """Return a row of `lab.data.protocols.samples.FIX` as it is sent."""
-    latitude, longitude, height = known(row, "latitude", "longitude", "height")
-    level, vertical, speed = known(row, "horizontal_sigma", "vertical_sigma", "speed_sigma")
+    latitude, longitude, height = known_fields(row, "latitude", "longitude", "height")
+    level, vertical, speed = known_fields(row, "horizontal_sigma", "vertical_sigma", "speed_sigma")
     north, east, down = vector(row, "velocity_n")
     return SentFix(
         latitude=math.degrees(latitude),
@@ -63,14 +63,14 @@ def sent_fix(row: np.void) -> SentFix:
         horizontal_sigma=level,
         vertical_sigma=vertical,
         speed_sigma=speed,
-        week_time=known(row, "week_time")[0],
+        week_time=known_fields(row, "week_time")[0],
         utc=float(row["utc"]),
         satellites=min(max(int(row["satellites"]), 0), MOST_SATELLITES),
         kind=int(row["fix_type"]),
     )
 
 
-def known(row: np.void, *names: str) -> list[float]:
+def known_fields(row: np.void, *names: str) -> list[float]:
     """Return fields of a row; 0 for what is not known."""
     return [float(row[name]) if math.isfinite(row[name]) else 0.0 for name in names]
 
@@ -90,7 +90,7 @@ def nanoseconds(seconds: float) -> int:
     return round(1e9 * max(float(seconds), 0.0)) if math.isfinite(seconds) else 0
 
 
-def whole(value: float, bits: int = 16) -> int:
+def round_to_bits(value: float, bits: int = 16) -> int:
     """Return a value as a whole number of some bits with a sign, at the end of its range if it is beyond."""
     largest = 1 << bits - 1
     return round(min(max(value, -largest), largest - 1))

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.plain_data import plain
+from lab.base.plain_data import to_plain_data
 
 
 @dataclass(frozen=True)
@@ -130,20 +130,20 @@ def row_of(solution: SentSolution) -> dict[str, Any]:
         "phase": solution.phase,
         "latitude_deg": round(solution.latitude, 10),
         "longitude_deg": round(solution.longitude, 10),
-        "height_ellipsoid_m": _rounded(solution.ellipsoid_height),
-        "height_sea_m": _rounded(solution.sea_height),
+        "height_ellipsoid_m": _round_value(solution.ellipsoid_height),
+        "height_sea_m": _round_value(solution.sea_height),
     }
-    row |= _named(solution.position_sigma, "{}_sigma_m", _NED)
-    row |= _named(solution.velocity_n, "velocity_{}_m_s", _NED)
-    row |= _named(solution.velocity_sigma, "velocity_{}_sigma_m_s", _NED)
-    row |= _named(solution.euler, "{}_deg", _EULER)
-    row |= _named(solution.euler_sigma, "{}_sigma_deg", _EULER)
+    row |= _name_axes(solution.position_sigma, "{}_sigma_m", _NED)
+    row |= _name_axes(solution.velocity_n, "velocity_{}_m_s", _NED)
+    row |= _name_axes(solution.velocity_sigma, "velocity_{}_sigma_m_s", _NED)
+    row |= _name_axes(solution.euler, "{}_deg", _EULER)
+    row |= _name_axes(solution.euler_sigma, "{}_sigma_deg", _EULER)
     row["heading_is_known"] = solution.has_heading
-    row |= _named(solution.rate, "rate_{}_deg_s", _BODY)
-    row["position_covariance_ned_m2"] = _rounded(solution.position_covariance.tolist())
-    row["attitude_covariance_ned_rad2"] = _rounded(solution.attitude_covariance.tolist())
+    row |= _name_axes(solution.rate, "rate_{}_deg_s", _BODY)
+    row["position_covariance_ned_m2"] = _round_value(solution.position_covariance.tolist())
+    row["attitude_covariance_ned_rad2"] = _round_value(solution.attitude_covariance.tolist())
     row |= {"fixes_used": solution.fixes_used, "fixes_rejected": solution.fixes_rejected}
-    found: dict[str, Any] = plain(row)
+    found: dict[str, Any] = to_plain_data(row)
     return found
 
 
@@ -157,10 +157,12 @@ _EULER: Final = ("roll", "pitch", "heading")
 _BODY: Final = ("forward", "right", "down")
 
 
-def _named(values: FloatArray, name: str, words: tuple[str, ...]) -> dict[str, float]:
-    return {name.format(word): _rounded(value) for word, value in zip(words, values.tolist(), strict=True)}
+def _name_axes(values: FloatArray, name: str, words: tuple[str, ...]) -> dict[str, float]:
+    return {
+        name.format(word): _round_value(value) for word, value in zip(words, values.tolist(), strict=True)
+    }
 
 
-def _rounded(value: Any) -> Any:
+def _round_value(value: Any) -> Any:
     """Return a number, or each of nested lists, with seven digits."""
-    return [_rounded(one) for one in value] if isinstance(value, list) else float(f"{value:.7g}")
+    return [_round_value(one) for one in value] if isinstance(value, list) else float(f"{value:.7g}")

@@ -104,7 +104,7 @@ def is_count(name: str) -> bool:
     return name.isascii() and name.isdigit()
 
 
-def patterns_of(columns: ColumnMap) -> list[re.Pattern[str]]:
+def line_patterns(columns: ColumnMap) -> list[re.Pattern[str]]:
     """Return regular expressions of the lines of a sample.
 
     Parameters

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.data.protocols import text_cells
-from lab.data.protocols.column_guess import guess_columns, named
+from lab.data.protocols.column_guess import guess_columns, name_columns
 from lab.data.protocols.column_map import (
     CLOCK,
     IGNORED,
@@ -40,7 +40,7 @@ from lab.data.protocols.line_shape import headings_in
 from lab.data.protocols.number_guess import MIN_LINES
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import FIX_2D, FIX_3D, NAN, UNKNOWN, Samples, Vector
-from lab.data.protocols.text_cells import patterns_of, value_of
+from lab.data.protocols.text_cells import line_patterns, value_of
 from lab.data.sheets.sheet_layout import as_utf8
 
 LONGEST = 2048
@@ -148,13 +148,13 @@ class TextLines:
         self.statistics.bytes += len(data)
         for begin in range(0, len(data), _PIECE):
             self._buffer += data[begin : begin + _PIECE]
-            self._split()
+            self._split_lines()
         return self._rows.taken()
 
     def finish(self) -> Samples:
         """Return the sample of a last line without an end, and those held back."""
         if self._buffer:
-            self._line(bytes(self._buffer), self._before + len(self._buffer))
+            self._read_line(bytes(self._buffer), self._before + len(self._buffer))
             self._before += len(self._buffer)
             self._buffer.clear()
         if self._map is not None:
@@ -165,15 +165,15 @@ class TextLines:
             self._held.clear()
         return self._rows.taken()
 
-    def _split(self) -> None:
+    def _split_lines(self) -> None:
         buffer = self._buffer
         at = 0
         for end in _ENDS.finditer(buffer):
             if end.start() > at:
                 # Whether a line feed follows may not be known yet, so it is not counted.
-                self._line(bytes(buffer[at : end.start()]), self._before + end.start() + 1)
+                self._read_line(bytes(buffer[at : end.start()]), self._before + end.start() + 1)
             elif self._map is None and self._held and not (self._cut and end[0] == b"\n"):
-                self._hold("", self._before + end.end())
+                self._hold_line("", self._before + end.end())
             self._whole, self._first = True, False
             self._cut = end[0] == b"\r"
             at = end.end()
@@ -183,7 +183,7 @@ class TextLines:
         self._before += at
         del buffer[:at]
 
-    def _line(self, line: bytes, end: int) -> None:
+    def _read_line(self, line: bytes, end: int) -> None:
         if len(line) > LONGEST or not (self._whole or self._first):
             self.statistics.skipped += len(line)
             return
@@ -209,14 +209,14 @@ class TextLines:
             self._accept(text, len(line), end)
             return
         self.last.append(text)
-        self._hold(text, end)
+        self._hold_line(text, end)
         self._seen += 1
         # Of text that shows no columns, a guess is made less and less often.
         twice = self._seen & (self._seen - 1) == 0
         if self._seen >= MIN_LINES and (twice or (self._seen % _HELD == 0 and self._seen <= _OFTEN * _HELD)):
             self._guess()
 
-    def _hold(self, text: str, end: int) -> None:
+    def _hold_line(self, text: str, end: int) -> None:
         """Keep a line; an empty one stands for any number of these."""
         if not text and not (self._held and self._held[-1][0]):
             return
@@ -241,10 +241,10 @@ class TextLines:
         for kind, unit in self._units.items():
             if any(column.kind == kind for column in columns.columns):
                 columns = columns.in_unit(kind, unit)
-        self._patterns = patterns_of(columns)
+        self._patterns = line_patterns(columns)
         others = tuple(Column() if one.quantity == SOURCE else one for one in columns.columns)
         is_of_one = others != columns.columns
-        self._others = patterns_of(replace(columns, columns=others)) if is_of_one else []
+        self._others = line_patterns(replace(columns, columns=others)) if is_of_one else []
         # What the lines that are read begin with; nothing if that is a number.
         self._leads = tuple(one[0].strip() for one in columns.texts) or (columns.prefix,)
         self._several, self._comma = len(self._patterns) > 1, columns.decimal_comma
@@ -300,7 +300,7 @@ class TextLines:
         several = self._several
         found = self._patterns[self._line_of].fullmatch(text)
         if found is None and several:
-            found = self._begun_anew(text)
+            found = self._begin_anew(text)
         if found is None:
             if not any(one.fullmatch(text) for one in self._others):  # of another device
                 self._leave_out(text, size)
@@ -328,7 +328,7 @@ class TextLines:
         for counted, (one, place) in accepted:
             self._add(one, counted * self._scales["time"], place)
 
-    def _begun_anew(self, text: str) -> re.Match[str] | None:
+    def _begin_anew(self, text: str) -> re.Match[str] | None:
         """Return the cells of the first line of a sample; one that lacks lines before another is given up."""
         if any(one.fullmatch(text) for one in self._patterns):
             self.statistics.refused += bool(self._line_of)
@@ -343,14 +343,14 @@ class TextLines:
         if columns is None or columns.texts or not is_late or not self.follows_headers or text in self._known:
             return False
         headings = headings_in(text, columns.separator)
-        found = [one for one in named(headings, []) if one.kind not in self._units]
+        found = [one for one in name_columns(headings, []) if one.kind not in self._units]
         is_of_these = len(headings) == len(columns.columns)
         return is_of_these and any(one.unit and one not in columns.columns for one in found)
 
     def _leave_out(self, text: str, size: int) -> None:
         if self._is_another_header(text):
             self._map, self._seen = None, 1
-            self._hold(text, 0)
+            self._hold_line(text, 0)
             return
         if _begins_with_number(text):
             self.statistics.failed += 1
@@ -436,14 +436,14 @@ class _TimeCheck:
             value += self.modulus
         waiting = self._waiting
         accepted: list[tuple[float, _Line]] = []
-        if last is None or self._near(value - last):
+        if last is None or self._is_near(value - last):
             if last is not None and value > last:
                 self._steps.append(value - last)
             self._jumps = False
         # If the last time was damaged, this one still follows the time before it.
-        elif self._before is not None and self._near(value - self._before):
+        elif self._before is not None and self._is_near(value - self._before):
             pass
-        elif waiting and self._near(value - waiting[-1][0]):
+        elif waiting and self._is_near(value - waiting[-1][0]):
             accepted = waiting[-1:]
         elif self._jumps or len(waiting) == _MOST_WAITING:
             self._jumps, accepted = True, waiting[:]
@@ -462,7 +462,7 @@ class _TimeCheck:
         refused, self._waiting = len(self._waiting), []
         return refused
 
-    def _near(self, step: float) -> bool:
+    def _is_near(self, step: float) -> bool:
         if not self._steps:
             return step >= 0
         return 0 <= step <= _STEPS * sorted(self._steps)[len(self._steps) // 2]
@@ -472,7 +472,7 @@ def _begins_with_number(text: str) -> bool:
     return text.lstrip()[:1] in set("0123456789+-.")
 
 
-def lines_of(data: bytes) -> tuple[str, ...]:
+def last_whole_lines(data: bytes) -> tuple[str, ...]:
     """Return the last whole lines in bytes from anywhere in a stream; none if they are no text."""
     lines = [line for line in re.split(rb"[\r\n]+", data)[1:-1] if line.strip()]
     shown = [line.decode("utf-8", "replace") for line in lines[-_SEEN:]]

@@ -36,7 +36,7 @@ from lab.data.protocols.framing import MORE, NONE, Framing, fletcher16, passes_f
 from lab.data.protocols.pvt import WORST, Pvt, fix_type
 from lab.data.protocols.rows import LARGEST_HEIGHT, Rows
 from lab.data.protocols.samples import FIX_3D, NAN, NO_FIX, UNKNOWN, UNMEASURED, Vector
-from lab.data.protocols.sending import FrameEncoder, known, vector
+from lab.data.protocols.sending import FrameEncoder, known_fields, vector
 from lab.motion.frames import ecef
 
 SYNC = b"\xb5\x62"
@@ -200,7 +200,7 @@ class Ubx(Framing):
             return
         assert epoch.now is not None
         sol = said.get("SOL", {})
-        *place, level, vertical = _place(said)
+        *place, level, vertical = _read_place(said)
         *velocity, speed_sigma = _velocity(said, *place[:2])
         self.has_fixes |= math.isfinite(velocity[0])
         if math.isnan(velocity[0]) and self.yields():
@@ -242,13 +242,13 @@ class Ubx(Framing):
         time = self._times.continued(tag) * MEAS_TICK
         if SPEED in values:  # beside ESF-RAW, the clock of the tags is another one
             rows.add_reading(
-                end, NAN if self._imu == "raw" else time, speed=_signed(values[SPEED]) * SPEED_UNIT
+                end, NAN if self._imu == "raw" else time, speed=_to_signed(values[SPEED]) * SPEED_UNIT
             )
         sample = self._imu != "raw" and _add_sample(time, values, end, rows)
         return sample or SPEED in values
 
 
-def _place(said: Mapping[str, _Fields]) -> tuple[float, float, float, float, float]:
+def _read_place(said: Mapping[str, _Fields]) -> tuple[float, float, float, float, float]:
     """Return latitude, longitude [rad], height, and σ horizontally and vertically [m]; NaN where unknown."""
     if "POSLLH" in said:
         one = said["POSLLH"]
@@ -306,7 +306,7 @@ def _add_sample(time: float, values: dict[int, int], end: int, rows: Rows) -> bo
     rate, force = _triad(values, _GYROS, GYRO_UNIT), _triad(values, _FORCES, FORCE_UNIT)
     if rate is UNKNOWN and force is UNKNOWN:
         return False
-    temperature = _signed(values[TEMPERATURE]) * TEMPERATURE_UNIT if TEMPERATURE in values else NAN
+    temperature = _to_signed(values[TEMPERATURE]) * TEMPERATURE_UNIT if TEMPERATURE in values else NAN
     rows.add_imu(end, time, -1, rate, force, UNKNOWN, temperature)
     return True
 
@@ -314,10 +314,10 @@ def _add_sample(time: float, values: dict[int, int], end: int, rows: Rows) -> bo
 def _triad(values: dict[int, int], kinds: tuple[int, int, int], unit: float) -> Vector:
     if not all(kind in values for kind in kinds):
         return UNKNOWN
-    return [_signed(values[kind]) * unit for kind in kinds]
+    return [_to_signed(values[kind]) * unit for kind in kinds]
 
 
-def _signed(value: int) -> int:
+def _to_signed(value: int) -> int:
     return value - 0x1000000 if value & 0x800000 else value
 
 
@@ -365,7 +365,7 @@ def _reading(row: np.void) -> bytes:
     if math.isfinite(row["heading"]):
         week_time = _ticks(row["week_time"], _MILLI, round(WEEK / _MILLI))
         angle = round(float(row["heading"]) % (2 * math.pi) / HEADING_UNIT)
-        spread = round(known(row, "heading_sigma")[0] / HEADING_UNIT)
+        spread = round(known_fields(row, "heading_sigma")[0] / HEADING_UNIT)
         messages += _message(NAV_RELPOSNED, RELPOSNED.pack(1, week_time, angle, spread, LINE_FORWARD))
     if math.isfinite(row["speed"]):
         word = SPEED << 24 | round(float(row["speed"]) / SPEED_UNIT) & 0xFFFFFF

@@ -45,7 +45,7 @@ from lab.data.protocols.samples import (
     UNKNOWN,
     Vector,
 )
-from lab.data.protocols.sending import known, nanoseconds, sent_fix, vector
+from lab.data.protocols.sending import known_fields, nanoseconds, sent_fix, vector
 
 COMMON, TIME, IMU_GROUP, GPS = range(4)
 """Groups with fields that are read, by their bit in the second byte of a message."""
@@ -136,7 +136,7 @@ class VectorNavBinary(Framing):
         if not isinstance(layout, _Layout):
             return False
         at = layout.at
-        seconds = _found(frame, at, _STARTUP, "<Q", (NAN,))[0] * _NANOSECOND
+        seconds = _find_field(frame, at, _STARTUP, "<Q", (NAN,))[0] * _NANOSECOND
         sample = not _ANY.isdisjoint(at)
         if sample:
             self._read_sample(frame, at, end, seconds, rows)
@@ -159,9 +159,9 @@ class VectorNavBinary(Framing):
         kept = self._kept.get(header)
         if kept is not None:
             return kept
-        return self._walked(data, begin, header, first)
+        return self._read_layout(data, begin, header, first)
 
-    def _walked(self, data: bytes | bytearray, begin: int, header: bytes, first: int) -> _Layout | int:
+    def _read_layout(self, data: bytes | bytearray, begin: int, header: bytes, first: int) -> _Layout | int:
         at: dict[Field, int] = {}
         place, word, fixed = first, 1, True
         for group, sizes in enumerate(_SIZES):
@@ -195,18 +195,18 @@ class VectorNavBinary(Framing):
 
     def _read_sample(self, frame: bytes, at: Mapping[Field, int], end: int, time: float, rows: Rows) -> None:
         if _BOTH in at:
-            values = _found(frame, at, (_BOTH,), "<6f", ())
+            values = _find_field(frame, at, (_BOTH,), "<6f", ())
             force, rate = values[:3], values[3:]
         else:
-            force = _found(frame, at, (_FORCE, *_FORCES), "<3f", UNKNOWN)
-            rate = _found(frame, at, (_GYRO, *_RATES), "<3f", UNKNOWN)
+            force = _find_field(frame, at, (_FORCE, *_FORCES), "<3f", UNKNOWN)
+            rate = _find_field(frame, at, (_GYRO, *_RATES), "<3f", UNKNOWN)
         if rate is UNKNOWN and force is UNKNOWN:
-            rate, force = _divided(frame, at)
-        x, y, z = _found(frame, at, (_MAGNETIC, *_MAGNETICS), "<3f", UNKNOWN)
-        beside = _found(frame, at, _MAGNETICS[:1], "<12x2f", (NAN, NAN))
-        (temperature,) = _found(frame, at, (_TEMPERATURE,), "<f", beside[:1])
-        (pressure,) = _found(frame, at, (_PRESSURE,), "<f", beside[1:])
-        clipped = _clipped(int(_found(frame, at, (_SATURATION,), "<H", (0,))[0]))
+            rate, force = _divide_by_time(frame, at)
+        x, y, z = _find_field(frame, at, (_MAGNETIC, *_MAGNETICS), "<3f", UNKNOWN)
+        beside = _find_field(frame, at, _MAGNETICS[:1], "<12x2f", (NAN, NAN))
+        (temperature,) = _find_field(frame, at, (_TEMPERATURE,), "<f", beside[:1])
+        (pressure,) = _find_field(frame, at, (_PRESSURE,), "<f", beside[1:])
+        clipped = _clipping_flags(int(_find_field(frame, at, (_SATURATION,), "<H", (0,))[0]))
         magnetic = (x * GAUSS, y * GAUSS, z * GAUSS)
         rows.add_imu(end, time, -1, rate, force, magnetic, temperature, pressure * _KILOPASCAL, clipped)
 
@@ -221,20 +221,20 @@ class VectorNavBinary(Framing):
         if now == self._fix:
             return
         self._fix = now
-        latitude, longitude, height = _found(frame, at, (_GPS_PLACE,), "<3d", UNKNOWN)
-        north, east, down = _found(frame, at, ((GPS, 9),), "<3f", UNKNOWN)
+        latitude, longitude, height = _find_field(frame, at, (_GPS_PLACE,), "<3d", UNKNOWN)
+        north, east, down = _find_field(frame, at, ((GPS, 9),), "<3f", UNKNOWN)
         kind = FIX_3D if (GPS, 4) not in at else _FIX_TYPES.get(frame[at[GPS, 4]], NO_FIX)
-        week_time = _found(frame, at, _WEEK_TIMES, "<Q", (NAN,))[0] * _NANOSECOND
-        utc = _utc(_found(frame, at, ((GPS, 0),), "<b5BH", ()))
+        week_time = _find_field(frame, at, _WEEK_TIMES, "<Q", (NAN,))[0] * _NANOSECOND
+        utc = _utc(_find_field(frame, at, ((GPS, 0),), "<b5BH", ()))
         place = math.radians(latitude), math.radians(longitude), height
-        velocity = _found(frame, at, (_GPS_VELOCITY,), "<3f", UNKNOWN)
-        (speed_sigma,) = _found(frame, at, ((GPS, 10),), "<f", (NAN,))
+        velocity = _find_field(frame, at, (_GPS_VELOCITY,), "<3f", UNKNOWN)
+        (speed_sigma,) = _find_field(frame, at, ((GPS, 10),), "<f", (NAN,))
         sigma = math.sqrt((north * north + east * east) / 2), down, speed_sigma
         satellites = frame[at[GPS, 3]] if (GPS, 3) in at else -1
         rows.add_fix(end, time, week_time, utc, place, velocity, sigma, satellites, kind)
 
 
-def _found(
+def _find_field(
     frame: bytes, at: Mapping[Field, int], fields: Sequence[Field], form: str, unknown: Vector
 ) -> Vector:
     """Return the numbers of the first field that is there."""
@@ -244,19 +244,19 @@ def _found(
     return unknown
 
 
-def _divided(frame: bytes, at: Mapping[Field, int]) -> tuple[Vector, Vector]:
+def _divide_by_time(frame: bytes, at: Mapping[Field, int]) -> tuple[Vector, Vector]:
     """Return rates and forces of delta angle and delta velocity, which are integrals over an interval."""
     if _DELTAS in at:
-        interval, *values = _found(frame, at, (_DELTAS,), "<7f", ())
+        interval, *values = _find_field(frame, at, (_DELTAS,), "<7f", ())
     else:
-        interval, *values = _found(frame, at, (_DELTA_ANGLE,), "<4f", ())
-        values += _found(frame, at, (_DELTA_VELOCITY,), "<3f", UNKNOWN)
+        interval, *values = _find_field(frame, at, (_DELTA_ANGLE,), "<4f", ())
+        values += _find_field(frame, at, (_DELTA_VELOCITY,), "<3f", UNKNOWN)
     if not interval > 0:
         return UNKNOWN, UNKNOWN
     return [math.radians(value / interval) for value in values[:3]], [v / interval for v in values[3:]]
 
 
-def _clipped(saturation: int) -> int:
+def _clipping_flags(saturation: int) -> int:
     """Return the flags of `IMU` of the field SensSat: magnetometer, accelerometer, gyro from bit 0 on."""
     magnetic, force, rate = (saturation >> first & 7 for first in (0, 3, 6))
     return magnetic * CLIPPED_MAGNETIC | force * CLIPPED_FORCE | rate * CLIPPED_RATE
@@ -344,11 +344,13 @@ class VectorNavEncoder(HeadingEncoder):
     name = "vectornav"
 
     def _sample(self, row: np.void) -> bytes:
-        temperature, pressure = known(row, "temperature", "pressure")
+        temperature, pressure = known_fields(row, "temperature", "pressure")
         sensed = (*vector(row, "force"), *vector(row, "rate"), *vector(row, "magnetic", GAUSS))
         fields = 1 << 0 | 1 << 9 | 1 << 10
         time = nanoseconds(row["time"])
-        return _summed(_SAMPLE.pack(_SYNC, 1, fields, time, *sensed, temperature, pressure / _KILOPASCAL))
+        return _append_checksum(
+            _SAMPLE.pack(_SYNC, 1, fields, time, *sensed, temperature, pressure / _KILOPASCAL)
+        )
 
     def _fix(self, row: np.void) -> bytes:
         fix = sent_fix(row)
@@ -357,8 +359,8 @@ class VectorNavEncoder(HeadingEncoder):
         fields = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 7 | 1 << 9 | 1 << 10
         head = (_SYNC, 1 | 1 << 3, 1, fields, nanoseconds(row["time"]), nanoseconds(row["week_time"]))
         kind = _FIX_NUMBERS.get(fix.kind, 0)
-        return _summed(_FIX.pack(*head, fix.satellites, kind, *place, *fix.velocity_n, *sigma))
+        return _append_checksum(_FIX.pack(*head, fix.satellites, kind, *place, *fix.velocity_n, *sigma))
 
 
-def _summed(message: bytes) -> bytes:
+def _append_checksum(message: bytes) -> bytes:
     return message + crc16_xmodem(message[1:]).to_bytes(2, "big")

@@ -26,7 +26,7 @@ from lab.data.protocols.device_time import utc_seconds
 from lab.data.protocols.framing import MORE, NONE, Framing, sum8
 from lab.data.protocols.rows import Rows
 from lab.data.protocols.samples import NAN, UNKNOWN, Vector
-from lab.data.protocols.sending import FrameEncoder, vector, whole
+from lab.data.protocols.sending import FrameEncoder, round_to_bits, vector
 
 _SYNC = 0x55  # first byte of a message
 _TIME, _FORCE, _RATE, _PRESSURE = 0x50, 0x51, 0x52, 0x56  # kinds that are read
@@ -81,7 +81,11 @@ class WitMotion(Framing):
         kind = frame[1]
         if kind == _COMBINED:
             counts = _SIX.unpack_from(frame, 2)
-            rows.add_imu(end, rate=_scaled(counts[3:], _RATE_COUNT), force=_scaled(counts[:3], _FORCE_COUNT))
+            rows.add_imu(
+                end,
+                rate=_scale_counts(counts[3:], _RATE_COUNT),
+                force=_scale_counts(counts[:3], _FORCE_COUNT),
+            )
         elif kind == _TIME:
             self.finish(rows)
             year, month, day, hour, minute, second, milli = _CALENDAR.unpack_from(frame, 2)
@@ -89,12 +93,12 @@ class WitMotion(Framing):
         elif kind == _FORCE:
             self.finish(rows)
             *values, heat = _COUNTS.unpack_from(frame, 2)
-            self._force = _scaled(values, _FORCE_COUNT), heat * _TEMPERATURE_COUNT, end
+            self._force = _scale_counts(values, _FORCE_COUNT), heat * _TEMPERATURE_COUNT, end
         elif kind == _RATE:
             *values, _ = _COUNTS.unpack_from(frame, 2)
             force, temperature, _ = self._force or (UNKNOWN, NAN, 0)
             self._has_both |= self._force is not None
-            self._add(end, _scaled(values, _RATE_COUNT), force, temperature, rows)
+            self._add(end, _scale_counts(values, _RATE_COUNT), force, temperature, rows)
         elif kind == _PRESSURE:
             self._pressure = struct.unpack_from("<i", frame, 2)[0]
         return kind in {_COMBINED, _TIME, _FORCE, _RATE, _PRESSURE}
@@ -111,7 +115,7 @@ class WitMotion(Framing):
         self._force, self._time, self._pressure = None, NAN, NAN
 
 
-def _scaled(counts: Sequence[int], unit: float) -> Vector:
+def _scale_counts(counts: Sequence[int], unit: float) -> Vector:
     return [count * unit for count in counts]
 
 
@@ -130,5 +134,5 @@ class WitMotionEncoder(FrameEncoder):
 
 
 def _message(kind: int, values: list[float]) -> bytes:
-    message = bytes((_SYNC, kind)) + _COUNTS.pack(*map(whole, values))
+    message = bytes((_SYNC, kind)) + _COUNTS.pack(*map(round_to_bits, values))
     return message + bytes((sum8(message),))

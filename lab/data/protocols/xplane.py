@@ -122,20 +122,20 @@ class XPlanePackets:
                 return []
         event = arrival, record, tuple(self._values)
         if self._clock_first is not None:
-            return self._paired(*event)
+            return self._pair_packets(*event)
         self._first.append(event)
         seen = sum(one is not None for _, one, _ in self._first)
-        return self._decided() if seen >= LOOKED_AT or len(self._first) >= _MOST else []
+        return self._decide_order() if seen >= LOOKED_AT or len(self._first) >= _MOST else []
 
     def finish(self) -> list[Position]:
         """Return the positions that waited for further packets."""
-        found = self._decided()
+        found = self._decide_order()
         if self._waiting is not None:
             found.append(Position(*self._waiting, _UNTIMED))
         self.begin_anew()
         return found
 
-    def _decided(self) -> list[Position]:
+    def _decide_order(self) -> list[Position]:
         """Find out which packet comes first in a frame, from the shorter of the waits; return what waited."""
         first, self._first = self._first, []
         waits: dict[bool, list[float]] = {True: [], False: []}
@@ -146,9 +146,11 @@ class XPlanePackets:
             return [Position(arrival, one, _UNTIMED) for arrival, one, _ in first if one is not None]
         clock, place = (float(np.median(one)) if one else math.inf for one in (waits[True], waits[False]))
         self._clock_first = clock <= place
-        return [found for event in first for found in self._paired(*event)]
+        return [found for event in first for found in self._pair_packets(*event)]
 
-    def _paired(self, arrival: float, record: bytes | None, values: tuple[float, ...]) -> list[Position]:
+    def _pair_packets(
+        self, arrival: float, record: bytes | None, values: tuple[float, ...]
+    ) -> list[Position]:
         """Return the positions whose frame is complete by a packet; its record is None for a clock."""
         if self._clock_first:
             fresh, self._fresh = self._fresh, record is None
@@ -201,7 +203,7 @@ def columns(records: bytes, values: Sequence[float] | FloatArray) -> dict[str, F
         return {name: np.asarray(one, dtype=np.float64) * _SI[name] for name, one in sent.items()}
 
 
-def within(known: dict[str, FloatArray]) -> Flags:
+def mask_possible(known: dict[str, FloatArray]) -> Flags:
     """Return which rows (n,) of some columns have possible numbers."""
     fine = [(one >= _LIMITS[name][0]) & (one <= _LIMITS[name][1]) for name, one in known.items()]
     return np.asarray(np.logical_and.reduce(fine))

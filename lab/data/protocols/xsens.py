@@ -118,12 +118,12 @@ class Xsens(Framing):
         if DELTA_QUATERNION in numbers or DELTA_VELOCITY in numbers:
             interval, self._before = time - self._before, time
         self._plain |= RATE_OF_TURN in numbers or ACCELERATION in numbers
-        rate, force = _sensed(numbers, interval, self._plain)
+        rate, force = _rate_and_force(numbers, interval, self._plain)
         known = rate is not UNKNOWN or force is not UNKNOWN
         if known:
             magnetic = [value * NOMINAL_FIELD for value in numbers.get(MAGNETIC, UNKNOWN)]
             temperature, pressure = numbers.get(TEMPERATURE, (NAN,))[0], whole.get(PRESSURE, NAN)
-            clipped = _clipped(whole.get(STATUS_WORD, 0))
+            clipped = _clipping_flags(whole.get(STATUS_WORD, 0))
             rows.add_imu(end, time, count, rate, force, magnetic, temperature, pressure, clipped)
         if GNSS_PVT in items and len(items[GNSS_PVT][1]) == PVT_SIZE:
             PVT.read(items[GNSS_PVT][1], time, end, rows)
@@ -163,7 +163,7 @@ def _numbers(items: Items, kind: int) -> Vector | None:
     return values
 
 
-def _sensed(numbers: dict[int, Vector], interval: float, plain: bool) -> tuple[Vector, Vector]:
+def _rate_and_force(numbers: dict[int, Vector], interval: float, plain: bool) -> tuple[Vector, Vector]:
     """Return angular rate and specific force of a message; with `plain`, from their usual items alone."""
     fast = () if plain else ((RATE_OF_TURN_HR, ACCELERATION_HR),)
     for rate, force in ((RATE_OF_TURN, ACCELERATION), *fast):
@@ -184,7 +184,7 @@ def _sensed(numbers: dict[int, Vector], interval: float, plain: bool) -> tuple[V
     return rate_found, force_found
 
 
-def _clipped(status: int) -> int:
+def _clipping_flags(status: int) -> int:
     bits = status >> _CLIPPED_FROM
     return (bits & 7) * CLIPPED_FORCE | (bits >> 3 & 7) * CLIPPED_RATE | (bits >> 6 & 7) * CLIPPED_MAGNETIC
 

@@ -44,7 +44,7 @@ def air_velocity(airspeed: FloatArray, alpha: FloatArray, beta: FloatArray, eule
     return np.asarray(np.einsum("nij,nj->ni", C_nb, airspeed[:, None] * direction_b))
 
 
-def flown(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> FloatArray:
+def integrate_velocity(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> FloatArray:
     """Return the positions that a velocity leads to: latitude, longitude [rad], height [m], (n, 3).
 
     Picard's iteration in Earth-fixed axes: the axes north, east, down of each sample are those at its
@@ -100,7 +100,7 @@ def fit_wind(
     wind, start = np.zeros(3), recorded[0].copy()
     design = np.column_stack((np.ones(len(time)), time - time[0]))
     for _ in range(_FITS):
-        apart = ecef.displacement(flown(time, through_air + wind, start), recorded)
+        apart = ecef.displacement(integrate_velocity(time, through_air + wind, start), recorded)
         offset, slope = np.linalg.lstsq(design, apart, rcond=None)[0]
         wind, start = wind + slope, ecef.displaced(start[None], offset[None])[0]
     return wind, start

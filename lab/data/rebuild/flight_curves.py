@@ -21,8 +21,8 @@ from lab.data.rebuild.sample_times import prediction_error
 from lab.data.rebuild.smoothing import (
     WIDEST_STEPS,
     best_smoothing,
+    evaluate_smoothed,
     slope_noise,
-    smoothed,
     smoothing_of_steps,
     smoothing_spline,
 )
@@ -151,26 +151,26 @@ class FlightCurves:
                 climb = CubicSpline(self.raw.time, -self.raw.velocity_n[:, 2]).antiderivative()
                 height += climb(self.raw.time)
                 sentence += " at the start, and then the integral of the vertical velocity"
-            self._remark(f"{sentence} (setting start_height).")
+            self._add_remark(f"{sentence} (setting start_height).")
         return np.stack((self.raw.latitude, self.raw.longitude, height), axis=-1)
 
     def _given_start(self) -> FloatArray:
         latitude, longitude = self.settings.start_latitude, self.settings.start_longitude
         height = self.settings.start_height
-        self._remark(
+        self._add_remark(
             f"No position is recorded: the flight starts at {latitude:g}° latitude, {longitude:g}° "
             f"longitude, {height:g} m (settings start_latitude, start_longitude, start_height)."
         )
         return np.array([np.radians(latitude), np.radians(longitude), height])
 
-    def _remark(self, sentence: str) -> None:
+    def _add_remark(self, sentence: str) -> None:
         if sentence not in self.remarks:
             self.remarks.append(sentence)
 
     def _integrated(self, velocity_n: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return position and velocity on the grid that a velocity gives from a start."""
         velocity = self._smoothed_velocity(velocity_n)
-        at = air_data.flown(self.raw.time, velocity, start)
+        at = air_data.integrate_velocity(self.raw.time, velocity, start)
         axes = SmoothAxes(at[:, 0])
         return self._held(at, axes, axes.vectors(velocity, at))
 
@@ -214,7 +214,7 @@ class FlightCurves:
                 return np.asarray(curve(np.minimum(self.raw.time, time[-1])))
         if parameter:
             self.smoothing["velocity"] = parameter
-        return smoothed(self.raw.time, velocity, parameter)
+        return evaluate_smoothed(self.raw.time, velocity, parameter)
 
 
 def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -> float:
@@ -229,13 +229,13 @@ def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -
     matters
         Roughness of their derivative below which they are left unchanged.
     """
-    window = middle(len(time))
+    window = middle_stretch(len(time))
     at, samples = time[window], values[window]
     before = roughness(spline_rates(at, samples, 1))
     if before < matters:
         return 0.0
     parameter = calming_smoothing(time, values, best_smoothing(time, values), 1, _MAX_CALMED * matters)
-    after = roughness(spline_rates(at, smoothed(at, samples, parameter), 1))
+    after = roughness(spline_rates(at, evaluate_smoothed(at, samples, parameter), 1))
     return parameter if after < _MIN_CALMING * before else 0.0
 
 
@@ -261,7 +261,7 @@ def calming_smoothing(
     matters
         Roughness of that derivative that counts as smooth.
     """
-    window = middle(len(time))
+    window = middle_stretch(len(time))
     at, samples = time[window], values[window]
     if len(at) <= _PREDICTED_BY:
         return parameter
@@ -270,7 +270,7 @@ def calming_smoothing(
     step = float(np.median(np.diff(at)))
     found, tried = parameter, parameter
     for _ in range(_RAISES):
-        curve = smoothed(at, samples, tried)
+        curve = evaluate_smoothed(at, samples, tried)
         if float(np.sqrt(np.mean(np.sum((curve - samples) ** 2, axis=1)))) > most_off:
             break
         found = tried
@@ -282,7 +282,7 @@ def calming_smoothing(
     return found
 
 
-def middle(samples: int) -> slice:
+def middle_stretch(samples: int) -> slice:
     """Return the middle stretch of a long record, enough to judge it by, or the whole of a short one."""
     start = max(samples - JUDGED_SAMPLES, 0) // 2
     return slice(start, start + JUDGED_SAMPLES)
@@ -307,7 +307,7 @@ def offered(raw: RawFlight) -> dict[str, float]:
     It is the `lab.data.rebuild.derived_motion.roughness` of splines through every sample, before any
     smoothing.
     """
-    window = middle(len(raw.time))
+    window = middle_stretch(len(raw.time))
     time = raw.time[window]
     curves: dict[str, float] = {}
     if raw.velocity_n is not None:

@@ -162,7 +162,7 @@ def report(
         An IMU to compare the noise of the recording with.
     """
     force, rate = _fast_parts(flight, rebuilt)
-    seen, in_fewer = _thinned(flight, rebuilt)
+    seen, in_fewer = _thin_flight(flight, rebuilt)
     moves = motion(seen, in_fewer)
     doubts = (FlightFinding(QUESTIONABLE, sentence) for sentence in raw.doubts)
     found = (*doubts, *findings(seen, in_fewer, moves), *_losses(raw, flight))
@@ -249,7 +249,7 @@ def _gaps(flight: RepairedFlight) -> str:
         return bridged
     where = ", ".join(f"{_stamp(start)} to {_stamp(end)} s" for start, end in flight.cuts[:_MAX_CUTS_SHOWN])
     more = ", ..." if len(flight.cuts) > _MAX_CUTS_SHOWN else ""
-    kept = f". {_what_keeps_more(flight)}" if flight.bridging else ""
+    kept = f". {_suggest_keeping_more(flight)}" if flight.bridging else ""
     return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more}){kept}"
 
 
@@ -267,7 +267,7 @@ def _resets(resets: Sequence[Reset]) -> str:
     )
 
 
-def _what_keeps_more(flight: RepairedFlight) -> str:
+def _suggest_keeping_more(flight: RepairedFlight) -> str:
     kept = " and ".join(
         f"--set longest_gap={more.gap:g} keeps {100 * more.share:.0f} % of the samples"
         for more in flight.bridging
@@ -325,7 +325,7 @@ def _noise(
         yield name, text
 
 
-def _thinned(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[RepairedFlight, Reconstruction]:
+def _thin_flight(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[RepairedFlight, Reconstruction]:
     """Return a long flight thinned out: fewer samples show the same motion."""
     raw, recording = flight.raw, rebuilt.recording
     if len(raw.time) > _MAX_REPORTED_SAMPLES:
@@ -352,7 +352,7 @@ def _stretches(recording: Recording) -> Iterator[Recording]:
         yield _part(recording, slice(start, start + _MAX_REPORTED_SAMPLES // _STRETCHES))
 
 
-def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, name: str) -> FloatArray:
+def _space_times(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, name: str) -> FloatArray:
     """Return times in a stretch at the rate of a quantity, or that of the recording if lower."""
     share = min(1.0, len(flight.raw.time) / flight.raw.every(name) / len(rebuilt.recording.time))
     return np.linspace(part.time[0], part.time[-1], max(2, round(share * len(part.time))))
@@ -364,9 +364,9 @@ def _fast_parts(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[float,
     for part in _stretches(rebuilt.recording):
         at, euler = part.time, part.euler
         if not rebuilt.unchanged:
-            at = _evenly(part, flight, rebuilt, "attitude")
+            at = _space_times(part, flight, rebuilt, "attitude")
             euler = euler_at(part, at)
-        force = CubicSpline(part.time, part.velocity_n)(_evenly(part, flight, rebuilt, "velocity"), 1)
+        force = CubicSpline(part.time, part.velocity_n)(_space_times(part, flight, rebuilt, "velocity"), 1)
         found.append((roughness(force), roughness(body_rates(at, euler))))
     force, rate = rms(np.array(found), 0)
     return float(force), float(rate)
@@ -406,6 +406,6 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[FlightFinding]:
         yield FlightFinding(
             QUESTIONABLE,
             f"Only {100 * used:.0f} % of the rows are used; the section File lists the omitted rows and the "
-            f"reasons.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
+            f"reasons.{f' {_suggest_keeping_more(flight)}.' if flight.bridging else ''}"
             f"{' It is cut where the recorded solution jumps.' if flight.raw.resets else ''}",
         )

@@ -17,9 +17,9 @@ from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
 from lab.data.checks.attitude_check import (
     bank_fault,
+    compare_lean,
     heading_fault,
-    lean,
-    leans,
+    is_leaning,
     pitch_fault,
     rates_agree,
 )
@@ -108,7 +108,9 @@ def motion(flight: RepairedFlight, rebuilt: Reconstruction) -> RebuiltMotion:
         climb=np.abs(recording.velocity_n[:, 2]),
         speed=np.linalg.norm(recording.velocity_n, axis=1),
         acceleration=float(np.median(np.linalg.norm(acceleration, axis=1)[elsewhere])),
-        leaning=None if rebuilt.attitude_reconstructed else lean(recording.time, recording.euler, force),
+        leaning=None
+        if rebuilt.attitude_reconstructed
+        else compare_lean(recording.time, recording.euler, force),
         agreements=_rate_agreement(flight, rebuilt),
     )
 
@@ -225,7 +227,7 @@ def _attitude_against_path(rebuilt: Reconstruction, moves: RebuiltMotion) -> Ite
     if leaning is None:
         return
     if rebuilt.vehicle == "copter":
-        if leans(leaning, limits.LOG.coherent) and abs(leaning.angle) > limits.LOG.crab:
+        if is_leaning(leaning, limits.LOG.coherent) and abs(leaning.angle) > limits.LOG.crab:
             side = f"{abs(np.degrees(leaning.angle)):.0f}° to the {'right' if leaning.angle > 0 else 'left'}"
             likely = "the heading is off by that, or pitch and roll have other signs or places"
             yield _finding(
@@ -239,7 +241,9 @@ def _attitude_against_path(rebuilt: Reconstruction, moves: RebuiltMotion) -> Ite
     off = heading_fault(velocity[moving], euler[moving, 2])
     if off is None and rebuilt.vehicle == "aircraft":
         yield from _of_wings(rebuilt, moving)
-    elif off is not None and not (leans(leaning, limits.LOG.lean) and abs(leaning.angle) < limits.LOG.crab):
+    elif off is not None and not (
+        is_leaning(leaning, limits.LOG.lean) and abs(leaning.angle) < limits.LOG.crab
+    ):
         said = f"The heading is usually {np.degrees(off.angle):.0f}° from the direction of motion"
         likely = off.cause or "another column, or a vehicle that moves sideways"
         yield _finding(IMPLAUSIBLE if off.cause else QUESTIONABLE, said, likely)

@@ -60,7 +60,7 @@ class Dropped:
         return (cls(reason, int(lost.sum()), first + 1 if rows is None else int(rows[first])),)
 
 
-def listed(dropped: Iterable[Dropped]) -> str:
+def list_dropped(dropped: Iterable[Dropped]) -> str:
     """Return what was left out, in words."""
     return "; ".join(f"{one.count} from row {one.first_row} on: {one.reason}" for one in dropped)
 
@@ -264,7 +264,8 @@ class RawFlight:
         dropped = tuple(Dropped(one.reason, int(one.rows.sum()), one.first_row) for one in self.unmeasured)
         if (~lost).sum() < MIN_SAMPLES:
             raise MissionError(
-                f"{(~lost).sum()} of {len(lost)} positions are measured ({listed(dropped)}); accepted are at "
+                f"{(~lost).sum()} of {len(lost)} positions are measured ({list_dropped(dropped)}); "
+                "accepted are at "
                 f"least {MIN_SAMPLES}. --set positions=all, or Positions on the page, keeps the others"
             )
         return replace(self.rows(~lost, dropped), unmeasured=())

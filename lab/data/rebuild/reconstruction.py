@@ -22,13 +22,13 @@ from lab.data.rebuild.derived_motion import SmoothAxes
 from lab.data.rebuild.flight_curves import (
     NOISE_THAT_MATTERS,
     FlightCurves,
-    middle,
+    middle_stretch,
     offered,
     worthwhile_smoothing,
 )
 from lab.data.rebuild.import_settings import AUTO, ImportSettings
 from lab.data.rebuild.raw_flight import RawFlight
-from lab.data.rebuild.smoothing import smoothed
+from lab.data.rebuild.smoothing import evaluate_smoothed
 from lab.data.rebuild.time_repair import AS_RECORDED, RepairedFlight
 from lab.flying import coordinated_turn
 from lab.motion.frames import ecef, rotation
@@ -111,11 +111,11 @@ def reconstruct(flight: RepairedFlight, settings: ImportSettings) -> Reconstruct
     """
     raw = flight.raw
     curves = offered(raw)
-    curve = _chosen(str(settings.curve), curves, raw)
+    curve = _choose_curve(str(settings.curve), curves, raw)
     grid = regular_grid(raw.time, float(settings.rate), 0.0 if raw.euler is not None else _MIN_RATE)
     made = FlightCurves(raw, settings, grid)
     vehicle = vehicle_in(raw.vehicle).flight if settings.vehicle == AUTO else str(settings.vehicle)
-    recording = _as_recorded(flight, grid, settings) if curve == "velocity" else None
+    recording = _keep_samples(flight, grid, settings) if curve == "velocity" else None
     unchanged = recording is not None
     if recording is None:
         methods = {"velocity": made.of_velocity, "position": made.of_positions, "air data": made.of_air_data}
@@ -145,7 +145,7 @@ def reconstruct(flight: RepairedFlight, settings: ImportSettings) -> Reconstruct
     )
 
 
-def _chosen(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
+def _choose_curve(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
     """Return the curve asked for, or the one of less noise: velocity unless there is much in it."""
     if not curves:
         raise MissionError(
@@ -176,24 +176,24 @@ def _attitude(made: FlightCurves, position: FloatArray, velocity_n: FloatArray, 
         seen = velocity_n * np.stack((moves, moves, np.ones_like(moves)), axis=-1)
         return coordinated_turn.attitude(grid, seen, cast(coordinated_turn.Vehicle, vehicle))
     axes = SmoothAxes(position[:, 0])
-    q_fb = axes.attitudes(raw.euler, _interpolated(grid, position, raw.time))
+    q_fb = axes.attitudes(raw.euler, _interpolate_positions(grid, position, raw.time))
     if made.settings.smoothing == AUTO:
         # Half the rotation is in a quaternion.
         parameter = worthwhile_smoothing(raw.time, 2 * q_fb, ATTITUDE_NOISE_THAT_MATTERS)
         if parameter:
             made.smoothing["attitude"] = parameter
-            q_fb = smoothed(raw.time, q_fb, parameter)
+            q_fb = evaluate_smoothed(raw.time, q_fb, parameter)
     q_fb = CubicSpline(raw.time, q_fb)(grid)
     return axes.euler(q_fb / np.linalg.norm(q_fb, axis=1, keepdims=True), position)
 
 
-def _interpolated(grid: FloatArray, position: FloatArray, time: FloatArray) -> FloatArray:
+def _interpolate_positions(grid: FloatArray, position: FloatArray, time: FloatArray) -> FloatArray:
     """Return positions on a grid (m, 3) at other times, by the cubic through them in Earth-fixed axes."""
     r_e = ecef.position(position)
     return ecef.geodetic(CubicSpline(grid, r_e - r_e[0])(time) + r_e[0])
 
 
-def _as_recorded(flight: RepairedFlight, grid: FloatArray, settings: ImportSettings) -> Recording | None:
+def _keep_samples(flight: RepairedFlight, grid: FloatArray, settings: ImportSettings) -> Recording | None:
     """Return the samples themselves if they need no change; long flights are judged by their middle."""
     raw, time = flight.raw, flight.raw.time
     if raw.latitude is None or raw.longitude is None or raw.height is None:
@@ -203,7 +203,7 @@ def _as_recorded(flight: RepairedFlight, grid: FloatArray, settings: ImportSetti
     same_times = len(grid) == len(time) and np.abs(grid - time).max() < _EXACT
     if flight.method != AS_RECORDED or not same_times or settings.smoothing == "given":
         return None
-    part = middle(len(time))
+    part = middle_stretch(len(time))
     some = raw.rows(np.arange(part.start, min(part.stop, len(time))))
     some = replace(some, time=some.time - some.time[0])
     assert some.latitude is not None
@@ -233,7 +233,7 @@ def _residuals(
     raw, time = made.raw, recording.time
     position = recording.position
     axes = SmoothAxes(recording.latitude)
-    at = _interpolated(time, position, raw.time)
+    at = _interpolate_positions(time, position, raw.time)
     off_position = off_velocity = off_attitude = None
     if raw.latitude is not None:
         off_position = rms(ecef.displacement(made.recorded_positions(), at), 0)

@@ -86,7 +86,7 @@ _MAX_DISTANCE_FROM_ZERO = 10_000.0
 at twice it."""
 
 
-def possible(raw: RawFlight) -> RawFlight:
+def drop_impossible(raw: RawFlight) -> RawFlight:
     """Return the samples whose numbers lie within `LIMITS`.
 
     Raises
@@ -110,7 +110,7 @@ def possible(raw: RawFlight) -> RawFlight:
             continue
         slack = _LIMIT_ROUNDING * (high - low)
         inside = ((value >= low - slack) & (value <= high + slack)).reshape(len(value), -1).all(axis=1)
-        dropped += _dropped(raw, kept & ~inside, words)
+        dropped += _report_dropped(raw, kept & ~inside, words)
         kept &= inside
     if kept.sum() < max(MIN_SAMPLES, _MIN_KEPT * len(kept)):
         worst = max(dropped, key=lambda one: one.count, default=None)
@@ -120,7 +120,7 @@ def possible(raw: RawFlight) -> RawFlight:
     return raw.rows(kept, tuple(dropped)) if dropped else raw
 
 
-def somewhere(raw: RawFlight) -> RawFlight:
+def drop_null_island(raw: RawFlight) -> RawFlight:
     """Return the samples without those at exactly 0° N 0° E, unless the flight comes close to there.
 
     Receivers and loggers write zeros while they have no position. If they never have one, the flight is
@@ -146,32 +146,34 @@ def somewhere(raw: RawFlight) -> RawFlight:
             return raw
         remark = f"The positions are not used: all are {NO_FIX}."
         return replace(raw, latitude=None, longitude=None, remarks=(*raw.remarks, remark))
-    places = place(raw)
+    places = positions_in_ecef(raw)
     assert places is not None
     off = np.linalg.norm(places[~nowhere] - places[np.argmax(nowhere)], axis=1)
     if off.min() < _MAX_DISTANCE_FROM_ZERO:
         return raw
-    return without(raw, nowhere, f"a position {NO_FIX}")
+    return drop_samples(raw, nowhere, f"a position {NO_FIX}")
 
 
-def fresh(raw: RawFlight) -> RawFlight:
+def drop_stale(raw: RawFlight) -> RawFlight:
     """Return the samples without those that repeat the one before in everything though the vehicle moves.
 
     A logger that polls faster than the simulator steps writes the same state again with a new time; a paused
     simulator repeats it for longer.
     """
-    again = _repeated(raw, "time")
-    places = place(raw) if again.any() else None
+    again = _mask_repeated(raw, "time")
+    places = positions_in_ecef(raw) if again.any() else None
     if places is None:
         return raw
     first = ~again
     starts = np.flatnonzero(first)
     ends = np.append(starts[1:], len(first)) - 1
-    moving = _moves(raw.time, places, starts, ends)[np.cumsum(first) - 1]
-    return without(raw, ~first & moving, "the state of the row before at a later time")
+    moving = _mask_moving_runs(raw.time, places, starts, ends)[np.cumsum(first) - 1]
+    return drop_samples(raw, ~first & moving, "the state of the row before at a later time")
 
 
-def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Flags:
+def _mask_moving_runs(
+    time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]
+) -> Flags:
     """Return after which runs of equal rows, from `starts` to `ends`, the vehicle is seen to be moving.
 
     A run that lasts is a stop, unless the vehicle is at speed at once: rounded positions start with a jump
@@ -208,12 +210,12 @@ def in_order(raw: RawFlight) -> tuple[RawFlight, NDArray[np.intp]]:
     return raw, np.flatnonzero(np.diff(raw.time) < 0) + 1
 
 
-def distinct(raw: RawFlight) -> RawFlight:
+def drop_repeated(raw: RawFlight) -> RawFlight:
     """Return the samples without those that repeat the one before in everything, time included."""
-    return without(raw, _repeated(raw), "the values of the row before, time included")
+    return drop_samples(raw, _mask_repeated(raw), "the values of the row before, time included")
 
 
-def _repeated(raw: RawFlight, *but: str) -> Flags:
+def _mask_repeated(raw: RawFlight, *but: str) -> Flags:
     """Return which samples (n,) repeat the one before in everything, but for some quantities."""
     same = np.ones(len(raw.time) - 1, dtype=bool)
     for name in set(raw.quantities) - {*but}:
@@ -224,7 +226,7 @@ def _repeated(raw: RawFlight, *but: str) -> Flags:
 
 def without_spikes(raw: RawFlight) -> RawFlight:
     """Return the samples without single positions far from the path between their neighbours."""
-    places = place(raw)
+    places = positions_in_ecef(raw)
     if places is None or len(places) < _MIN_FOR_SPIKE:
         return raw
     step = np.linalg.norm(np.diff(places, axis=0), axis=1)
@@ -232,7 +234,7 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     across = np.linalg.norm(places[2:] - places[:-2], axis=1)
     spike = np.zeros(len(places), dtype=bool)
     spike[1:-1] = far[1:] & far[:-1] & (across < _MAX_SPIKE_RETURN * (step[1:] + step[:-1]))
-    return without(raw, spike, "a position far from the path of its neighbours")
+    return drop_samples(raw, spike, "a position far from the path of its neighbours")
 
 
 def with_jumps(raw: RawFlight) -> RawFlight:
@@ -289,7 +291,7 @@ def longest_stretch(
     if raw.resets:
         words = words.replace(" or a restart", ", a restart or a reset of the estimator")
     where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
-    return (without(raw, ~kept, words) if where else raw), tuple(where)
+    return (drop_samples(raw, ~kept, words) if where else raw), tuple(where)
 
 
 @dataclass(frozen=True)
@@ -308,7 +310,7 @@ class Bridging:
     share: float
 
 
-def bridging(raw: RawFlight, jumps: Flags, bridged: float) -> tuple[Bridging, ...]:
+def bridge_gaps(raw: RawFlight, jumps: Flags, bridged: float) -> tuple[Bridging, ...]:
     """Return the longer gaps with which most, and nearly all, of a recording would be kept.
 
     Parameters
@@ -325,13 +327,13 @@ def bridging(raw: RawFlight, jumps: Flags, bridged: float) -> tuple[Bridging, ..
     if not pauses.size:
         return ()
     tried = pauses[np.unique(np.linspace(0, len(pauses) - 1, _MAX_GAPS_TRIED).astype(int))]
-    kept = [_longest(jumps | (steps > gap)) / len(raw.time) for gap in tried]
-    worthwhile = _longest(jumps | (steps > bridged)) / len(raw.time) + _MIN_GAIN
+    kept = [_longest_piece(jumps | (steps > gap)) / len(raw.time) for gap in tried]
+    worthwhile = _longest_piece(jumps | (steps > bridged)) / len(raw.time) + _MIN_GAIN
     enough = dict.fromkeys(int(np.argmax(np.array(kept) >= part * max(kept))) for part in _SUGGESTED_PARTS)
     return tuple(Bridging(float(tried[i]), kept[i]) for i in enough if kept[i] > worthwhile)
 
 
-def _longest(cut: Flags) -> int:
+def _longest_piece(cut: Flags) -> int:
     """Return how many samples the longest piece between cuts has."""
     edges = np.concatenate(([-1], np.flatnonzero(cut), [len(cut)]))
     return int(np.diff(edges).max())
@@ -347,7 +349,7 @@ def jumps_between(raw: RawFlight, breaks: NDArray[np.intp]) -> Flags:
     breaks
         Where the clock was set back.
     """
-    places, jumps = place(raw), np.zeros(len(raw.time) - 1, dtype=bool)
+    places, jumps = positions_in_ecef(raw), np.zeros(len(raw.time) - 1, dtype=bool)
     if places is not None:
         jumps = _too_far(np.linalg.norm(np.diff(places, axis=0), axis=1), np.diff(raw.time))
     jumps[breaks - 1] = True
@@ -361,18 +363,18 @@ def _too_far(distance: FloatArray, steps: FloatArray) -> Flags:
     return np.asarray((distance > _MIN_JUMP) & (speed > _JUMP_SPEED_RATIO * usual + _MIN_JUMP_SPEED))
 
 
-def place(raw: RawFlight) -> FloatArray | None:
+def positions_in_ecef(raw: RawFlight) -> FloatArray | None:
     """Return the positions in Earth-fixed axes (n, 3) [m]; without heights, those on the ellipsoid."""
     position = raw.position
     return None if position is None else ecef.position(position)
 
 
-def without(raw: RawFlight, mask: Flags, words: str) -> RawFlight:
+def drop_samples(raw: RawFlight, mask: Flags, words: str) -> RawFlight:
     """Return a flight without samples (n,), with the report on these and why they are left out."""
-    return raw.rows(~mask, _dropped(raw, mask, words))
+    return raw.rows(~mask, _report_dropped(raw, mask, words))
 
 
-def _dropped(raw: RawFlight, mask: Flags, words: str) -> tuple[Dropped, ...]:
+def _report_dropped(raw: RawFlight, mask: Flags, words: str) -> tuple[Dropped, ...]:
     """Return the report on samples left out: why, and when the first was by the file's own clock."""
     first = f", first at {raw.time[np.argmax(mask)]:.12g} s" if mask.any() else ""
     return Dropped.of(f"{words}{first}", mask)

@@ -78,10 +78,10 @@ def resolution(time: FloatArray) -> float:
         if np.abs(time[:JUDGED_SAMPLES] - whole * tick).max() < max(_MAX_OFF_DECIMAL * tick, rounding):
             # Not every decimal is used: stamps to 20 ms have two decimals as well.
             return float(tick * np.gcd.reduce(np.diff(whole).astype(np.int64)))
-    return _tick(steps)
+    return _common_tick(steps)
 
 
-def _tick(steps: FloatArray) -> float:
+def _common_tick(steps: FloatArray) -> float:
     """Return the length of which all steps are multiples, if they are several ones; zero if there is none."""
     tick = float(np.quantile(steps[steps > 0], _SHORT_STEP))
     for _ in range(_ROUNDS):

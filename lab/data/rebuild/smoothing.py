@@ -47,7 +47,7 @@ _HARDLY_SMOOTHED = 1e-3
 """λ relative to the least tried that stands for none: exactly none leaves no residual to divide."""
 
 
-def smoothed(time: FloatArray, values: FloatArray, smoothing: float) -> FloatArray:
+def evaluate_smoothed(time: FloatArray, values: FloatArray, smoothing: float) -> FloatArray:
     """Return the values of the smoothing spline at the times of the samples (Green & Silverman 2.3.3).
 
     Parameters
@@ -104,7 +104,7 @@ def smoothing_spline(time: FloatArray, values: FloatArray, smoothing: float) -> 
     """
     if not smoothing:
         return CubicSpline(time, values)
-    return CubicSpline(time, smoothed(time, values, smoothing), bc_type="natural")
+    return CubicSpline(time, evaluate_smoothed(time, values, smoothing), bc_type="natural")
 
 
 def slope_noise(time: FloatArray, sigma: float, smoothing: float) -> float:
@@ -153,7 +153,7 @@ def best_smoothing(time: FloatArray, values: FloatArray) -> float:
         for window in windows:
             at, samples, probe = time[window], values[window], signs[: window.stop - window.start]
             both = np.column_stack((samples - samples.mean(axis=0), probe))
-            rest = both - smoothed(at, both, smoothing or _HARDLY_SMOOTHED * widths[0] ** 4 / step)
+            rest = both - evaluate_smoothed(at, both, smoothing or _HARDLY_SMOOTHED * widths[0] ** 4 / step)
             left += float(np.sum(rest[:, : values.shape[1]] ** 2))
             freedom += float(np.sum(probe * rest[:, values.shape[1] :])) / _PROBES
         scores.append(left / max(freedom, 1e-9) ** 2)

@@ -130,18 +130,18 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
         If too few samples are left, or the flight is too long.
     """
     reported = len(raw.dropped)
-    raw = row_repair.distinct(row_repair.somewhere(row_repair.possible(raw)))
+    raw = row_repair.drop_repeated(row_repair.drop_null_island(row_repair.drop_impossible(raw)))
     raw, breaks = row_repair.in_order(raw)
     if not len(breaks):
-        raw = row_repair.with_jumps(row_repair.without_spikes(row_repair.fresh(raw)))
+        raw = row_repair.with_jumps(row_repair.without_spikes(row_repair.drop_stale(raw)))
     resets = np.array([reset.time for reset in raw.resets])
     after = np.searchsorted(np.maximum.accumulate(raw.time), resets - _STAMP_ROUNDING)
     breaks = np.unique(np.concatenate((breaks, after[(after > 0) & (after < len(raw.time))])))
     bridged = max(longest_gap, _MIN_GAP_STEPS * usual_step(raw.time))
     jumps = row_repair.jumps_between(raw, breaks)
-    more = row_repair.bridging(raw, jumps, bridged)
+    more = row_repair.bridge_gaps(raw, jumps, bridged)
     raw, cuts = row_repair.longest_stretch(raw, jumps, bridged)
-    raw = _one_each(raw, time_stamps)
+    raw = _keep_one_per_stamp(raw, time_stamps)
     _check(raw)
     started = float(raw.time[0])
     stamps = raw.time - started
@@ -149,7 +149,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     method, times = AS_RECORDED, stamps
     calmed = 1.0
     if time_stamps == REPAIRED:
-        method, times, calmed = _best(raw, stamps, clock.distribute_stamps(stamps, tick), tick)
+        method, times, calmed = _choose_repair(raw, stamps, clock.distribute_stamps(stamps, tick), tick)
     times = _of_the_same_length(times - times[0], stamps, tick)
     if np.diff(times).min() < _MIN_STEP:
         raise MissionError(
@@ -183,7 +183,7 @@ def _of_the_same_length(times: FloatArray, stamps: FloatArray, tick: float) -> F
     return times if abs(longer) <= step else times * ((stamps[-1] + np.sign(longer) * step) / times[-1])
 
 
-def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
+def _keep_one_per_stamp(raw: RawFlight, time_stamps: str) -> RawFlight:
     """Return the samples with one for each stamp, unless many share theirs and can be spread."""
     again = np.concatenate(([False], np.diff(raw.time) < _MIN_NEW_STAMP))
     if not again.any():
@@ -191,7 +191,7 @@ def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
     if time_stamps == REPAIRED and again.mean() > _MIN_REPEATED_PART and again.sum() < len(again) - 1:
         last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         return replace(raw, time=raw.time[last])
-    return row_repair.without(raw, again, "the time stamp of the row before")
+    return row_repair.drop_samples(raw, again, "the time stamp of the row before")
 
 
 def _check(raw: RawFlight) -> None:
@@ -206,7 +206,7 @@ def _check(raw: RawFlight) -> None:
         )
 
 
-def _best(
+def _choose_repair(
     raw: RawFlight, stamps: FloatArray, spread: FloatArray, tick: float
 ) -> tuple[str, FloatArray, float]:
     """Return the repair that the motion supports: its name, its times, and the ratio of roughness."""
@@ -221,7 +221,7 @@ def _best(
     if even is not None:
         ratios = _ratios(before, _roughness(even, evidence))
         is_rounding = np.abs(even - stamps).max() <= clock.MAX_ROUNDING_OFF * tick
-        if (is_rounding and max(ratios, default=1.0) < _MAX_ROUGHER_IF_ROUNDED) or _supports(ratios):
+        if (is_rounding and max(ratios, default=1.0) < _MAX_ROUGHER_IF_ROUNDED) or _supports_stamps(ratios):
             return "even", even, min(ratios, default=1.0)
     if "position" not in evidence or not _errors_lie_along_path(spread, evidence["position"]):
         return method, spread, 1.0
@@ -234,13 +234,13 @@ def _best(
     # These times come from the positions: the other quantities, where there are any, have to support them.
     judges = {name: error for name, error in before.items() if name != "position"} or before
     ratios = _ratios(judges, after)
-    return ("by motion", times, min(ratios)) if _supports(ratios) else (method, spread, 1.0)
+    return ("by motion", times, min(ratios)) if _supports_stamps(ratios) else (method, spread, 1.0)
 
 
 def _evidence(raw: RawFlight) -> dict[str, FloatArray]:
     """Return the quantities by which times are judged, in Cartesian components without jumps."""
     evidence: dict[str, FloatArray] = {}
-    position, places = raw.position, row_repair.place(raw)
+    position, places = raw.position, row_repair.positions_in_ecef(raw)
     if position is None or places is None:
         position = np.zeros((len(raw.time), 3))
     else:
@@ -266,7 +266,7 @@ def _ratios(before: Mapping[str, float], after: Mapping[str, float]) -> list[flo
     return [after[name] / error for name, error in before.items()]
 
 
-def _supports(ratios: list[float]) -> bool:
+def _supports_stamps(ratios: list[float]) -> bool:
     return bool(ratios) and min(ratios) < _MAX_BETTER and max(ratios) < _MAX_WORSE
 
 

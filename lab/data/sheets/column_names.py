@@ -190,12 +190,12 @@ def heading_of(text: str, file: str = "") -> Heading | None:
         Name of the file, which names the sensor where headings are x, y and z.
     """
     file = in_english(file)
-    stem, axis, unit = _cut(_FRAME_LAST.sub(r"\2_\1", in_english(text).strip()))
-    words = _words(stem)
+    stem, axis, unit = _split_heading(_FRAME_LAST.sub(r"\2_\1", in_english(text).strip()))
+    words = _split_words(stem)
     given = set(words)
     rank = sum(WORSE.get(word, 0) for word in given)
     joined = "".join(words)
-    if found := _of_estimator(text, _words(text)):
+    if found := _of_estimator(text, _split_words(text)):
         return found
     if axis and joined in _INDEXED:
         quantity = _INDEXED[joined]["xyz".index(axis)]
@@ -256,7 +256,7 @@ def given_heading(text: str, column: str, accepted: Sequence[str] = QUANTITIES) 
     return Heading(column, quantity, axis, GIVEN, known[0], -100, sign, other=other)
 
 
-def _bracketed(stem: str) -> str:
+def _bracket_unit(stem: str) -> str:
     """Return a heading with its unit in brackets where it stands in braces or behind a comma."""
     stem = stem.translate(_BRACES)
     found = _UNIT_BEHIND.fullmatch(stem)
@@ -264,9 +264,9 @@ def _bracketed(stem: str) -> str:
     return f"{found[1]} [{found[2]}]" if found is not None and is_unit else stem
 
 
-def _cut(text: str) -> tuple[str, str, str]:
+def _split_heading(text: str) -> tuple[str, str, str]:
     """Cut a heading into words, axis and unit."""
-    stem, axis, unit = _bracketed(text.strip().strip("\"'\ufeff#% ").strip()), "", ""
+    stem, axis, unit = _bracket_unit(text.strip().strip("\"'\ufeff#% ").strip()), "", ""
     if found := _INDEX.search(stem):
         stem, axis = stem[: found.start()] + stem[found.end() :], "xyz"[int(found[1] or found[2])]
     insides = _BRACKETS.findall(stem)
@@ -297,7 +297,7 @@ def _cut(text: str) -> tuple[str, str, str]:
     return stem.strip(), axis, unit
 
 
-def _words(stem: str) -> list[str]:
+def _split_words(stem: str) -> list[str]:
     return _WORD.findall(_CAMEL.sub(" ", stem).lower())
 
 
@@ -310,7 +310,7 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
         return Heading(text, quantity, unit=unit_of("speed", unit), rank=rank, sign=sign)
     if not names:
         # Columns x, y and z are of the sensor that their unit or the name of the file names.
-        names = _words(file.partition(".")[0])
+        names = _split_words(file.partition(".")[0])
         rank = sum(WORSE.get(word, 0) for word in names)
     given = set(names)
     joined = "".join(names)
@@ -325,7 +325,7 @@ def _vector(text: str, axis: str, unit: str, words: Sequence[str], file: str, ra
     if given & {"gravity", "grav"}:
         sign = -1 if joined in SENSORS["along_gravity"] else 1
         return Heading(text, "gravity", axis, sensor, unit_of("acceleration", unit), rank, sign)
-    quantity = _sensor_of(given, joined)
+    quantity = _find_sensor(given, joined)
     if not quantity:
         found = next((ours for kind, ours in _QUANTITY_OF_UNIT.items() if unit and unit_of(kind, unit)), "")
         if not found or (words and names[-1] not in SENSORS[f"short_{found}"]):
@@ -353,7 +353,7 @@ _VELOCITY = {"v", "vel", "velocity", "speed"}
 _FRAME_LAST = re.compile(r"(?i)^(.+)[\s_.](enu|ned|nwu)$")
 
 
-def _sensor_of(given: set[str], joined: str) -> str:
+def _find_sensor(given: set[str], joined: str) -> str:
     """Return the quantity that words name; empty if they name none."""
     turning = given & {"angular", "angle"} and given & {"velocity", "rate", "rates", "vel", "speed"}
     if given & SENSORS["gyro"] or turning or {"rotation", "rate"} <= given or joined in SENSORS["short_rate"]:

@@ -54,20 +54,19 @@ FIELD_WORDS = SENSORS["field"]
 """Words of a measured field; a vector is one only beside another of them."""
 
 
-def _any_of(*tables: frozenset[str]) -> str:
+def _words_pattern(*tables: frozenset[str]) -> str:
     """Return a pattern of all words in tables."""
     return "|".join(sorted(frozenset().union(*tables)))
 
 
 _SENSED = SENSORS["gyro"] | SENSORS["accelerometer"]
-GLUED = re.compile(
-    rf"(?i)^(?:.*[\s_.:/-])?(?:{_any_of(_SENSED, SENSORS['short_rate'], SENSORS['short_force'])})[xyz]$"
-)
+_SENSED_WORDS = _words_pattern(_SENSED, SENSORS["short_rate"], SENSORS["short_force"])
+GLUED = re.compile(rf"(?i)^(?:.*[\s_.:/-])?(?:{_SENSED_WORDS})[xyz]$")
 """A word of a sensor with its axis behind it, such as ``AccX`` or ``imu_gx``."""
-LEADING = re.compile(rf"(?i)^([xyz])[\s_.-]*(?:rate|{_any_of(_SENSED, FIELD_WORDS)})(?![a-z])")
+LEADING = re.compile(rf"(?i)^([xyz])[\s_.-]*(?:rate|{_words_pattern(_SENSED, FIELD_WORDS)})(?![a-z])")
 """A word of a sensor behind its axis, such as ``x_acc``."""
 MIDDLE = re.compile(
-    rf"(?i)(?:^|[\s_.:/-])(?:{_any_of(_SENSED, FIELD_WORDS - {'vector'})})[\s_.-]+([xyz][\s_.-]+)"
+    rf"(?i)(?:^|[\s_.:/-])(?:{_words_pattern(_SENSED, FIELD_WORDS - {'vector'})})[\s_.-]+([xyz][\s_.-]+)"
     r"(?!rms|peak|avg|median|sum)(?=[a-z])"
 )
 """A word of a sensor with its axis and a place behind it, such as ``acc_x_dashboard``."""

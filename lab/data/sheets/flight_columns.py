@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
 from lab.base.files.bounds import HEIGHTS, LATITUDES, MAX_SPEED, MIN_SAMPLES
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.fields import GIVEN
@@ -27,7 +27,14 @@ from lab.data.sheets.column_names import Heading
 from lab.data.sheets.sheet import Sheet, sheet_below
 from lab.data.sheets.sheet_blocks import recordings_in
 from lab.data.sheets.sheet_cells import MISSING, NO_NUMBER
-from lab.data.sheets.sheet_layout import MAX_HEADER_LINE, MAX_IN_PROFILE, Layout, as_utf8, known_of, layout_of
+from lab.data.sheets.sheet_layout import (
+    MAX_HEADER_LINE,
+    MAX_IN_PROFILE,
+    Layout,
+    as_utf8,
+    columns_by_profile,
+    find_layout,
+)
 
 OTHER_RECORDING = "of another recording in the same file"
 """Why rows are dropped under a header that is not that of the longest recording."""
@@ -100,9 +107,9 @@ class Columns:
         )
 
 
-def recognised(head: bytes, profile: Profile) -> bool:
+def recognises_header(head: bytes, profile: Profile) -> bool:
     """Return whether the first bytes of a file hold a header with the headings of a profile."""
-    return layout_of(as_utf8(head), "", profile=profile) is not None
+    return find_layout(as_utf8(head), "", profile=profile) is not None
 
 
 def read_columns(path: Path, profile: Profile, units: Mapping[str, str], delimiter: str = "") -> Columns:
@@ -127,9 +134,11 @@ def read_columns(path: Path, profile: Profile, units: Mapping[str, str], delimit
     MissionError
         For whatever is wrong with the file or the units.
     """
-    data = as_utf8(whole(path, MAX_BYTES))
+    data = as_utf8(read_whole(path, MAX_BYTES))
     try:
-        sheets = _headless(data, profile, delimiter) if delimiter else recordings_in(path.name, data, profile)
+        sheets = (
+            _read_headless(data, profile, delimiter) if delimiter else recordings_in(path.name, data, profile)
+        )
     except MissionError as error:
         raise MissionError(f"{path}: {error}") from error
     if not sheets:
@@ -140,7 +149,7 @@ def read_columns(path: Path, profile: Profile, units: Mapping[str, str], delimit
         )
     sheet = max(sheets, key=len)
     assert sheet.rows is not None
-    table = _usable(path, sheet, profile)
+    table = _usable_table(path, sheet, profile)
     others = [one.rows for one in sheets if one is not sheet and one.rows and one.rows.read]
     dropped = list(table.dropped)
     if others:
@@ -151,9 +160,9 @@ def read_columns(path: Path, profile: Profile, units: Mapping[str, str], delimit
     return _in_si(path, table, units, rows_read, dropped)
 
 
-def _headless(data: bytes, profile: Profile, delimiter: str) -> list[Sheet]:
+def _read_headless(data: bytes, profile: Profile, delimiter: str) -> list[Sheet]:
     headings = tuple(profile.columns)
-    layout = Layout(-1, delimiter, headings, known_of(headings, profile), profile)
+    layout = Layout(-1, delimiter, headings, columns_by_profile(headings, profile), profile)
     return [sheet_below("", data, layout, 1)]
 
 
@@ -168,7 +177,7 @@ class _Table:
     remarks: list[str]
 
 
-def _usable(path: Path, sheet: Sheet, profile: Profile) -> _Table:
+def _usable_table(path: Path, sheet: Sheet, profile: Profile) -> _Table:
     assert sheet.rows is not None
     lost, lines = dict(sheet.rows.lost), sheet.rows.lines
     columns = [np.where(np.isfinite(one), one, np.nan) for one in sheet.columns]

@@ -70,14 +70,14 @@ _LINES = tuple(
 
 def recognises(head: bytes) -> bool:
     """Return whether a file begins with a line in the format of one of the two protocols."""
-    return _protocol_of(head[:_FIRST].decode("utf-8", "replace").splitlines()) is not None
+    return _find_protocol(head[:_FIRST].decode("utf-8", "replace").splitlines()) is not None
 
 
 _FIRST = 4096
 """Bytes at the start with the first lines."""
 
 
-def _protocol_of(lines: Sequence[str]) -> Profile | None:
+def _find_protocol(lines: Sequence[str]) -> Profile | None:
     # The first line may be what is left of an earlier one.
     for line in lines[:3]:
         for protocol, pattern in _LINES:
@@ -98,7 +98,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     imu: Path | None = None
     for path in paths:
         with TextBlocks(path, MAX_BYTES, strict=False) as text:
-            protocol = _protocol_of([line for line, _ in zip(text.lines(), range(3), strict=False)])
+            protocol = _find_protocol([line for line, _ in zip(text.lines(), range(3), strict=False)])
         if protocol is None:
             raise MissionError(f"{path}: does not begin as insgns-gps or insgns-imu writes it")
         same = gps if protocol is GPS else imu
@@ -155,12 +155,12 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
     force = np.column_stack([imu.values[key][increases] for key in ("force_x", "force_y", "force_z")])
     return replace(
         _with_attitude(flight, imu_time, rate, force),
-        body_rate=_at(flight.time, imu_time, rate) if rate.any() else None,
+        body_rate=_interpolate_vectors(flight.time, imu_time, rate) if rate.any() else None,
         units=(*flight.units, *imu.units.values()),
     )
 
 
-def _at(times: FloatArray, time: FloatArray, vectors: FloatArray) -> FloatArray:
+def _interpolate_vectors(times: FloatArray, time: FloatArray, vectors: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(times, time, column) for column in vectors.T])
 
 

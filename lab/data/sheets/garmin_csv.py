@@ -25,7 +25,7 @@ from lab.base.parameters.units import DAY
 from lab.data.files.fields import SEA_LEVEL, one_file
 from lab.data.files.fixes import NO_FIX
 from lab.data.files.profile import Profile, plain
-from lab.data.rebuild.raw_flight import Dropped, RawFlight, listed
+from lab.data.rebuild.raw_flight import Dropped, RawFlight, list_dropped
 from lab.data.sheets.flight_columns import Columns, raw_flight, read_columns
 from lab.data.sheets.sheet_cells import NO_NUMBER
 from lab.motion.frames.displacement import metres_per_radian
@@ -73,7 +73,7 @@ def read(profile: Profile, paths: Sequence[Path], units: Mapping[str, str]) -> R
         For whatever is wrong with the file.
     """
     path = one_file(paths, profile.name)
-    columns, time, clock = _timed(path, read_columns(path, profile, units))
+    columns, time, clock = _keep_timed_rows(path, read_columns(path, profile, units))
     north = _north(columns, time)
     remarks = [*clock, north.remark]
     above = columns.units.get("height")
@@ -90,7 +90,7 @@ def read(profile: Profile, paths: Sequence[Path], units: Mapping[str, str]) -> R
     )
 
 
-def _timed(path: Path, columns: Columns) -> tuple[Columns, FloatArray, list[str]]:
+def _keep_timed_rows(path: Path, columns: Columns) -> tuple[Columns, FloatArray, list[str]]:
     """Return the rows with a time and a fix, their time since the first midnight in UTC [s], and a report."""
     unknown = np.full(len(columns.lines), np.nan)
     date, clock, offset = (columns.values.pop(key, unknown) for key in ("date", "clock", "zone"))
@@ -105,7 +105,8 @@ def _timed(path: Path, columns: Columns) -> tuple[Columns, FloatArray, list[str]
         dropped += Dropped.of(reason, lost, columns.lines)
     if kept.sum() < MIN_SAMPLES:
         raise MissionError(
-            f"{path}: {kept.sum()} of {columns.rows_read} rows can be used ({listed(dropped)}); accepted are "
+            f"{path}: {kept.sum()} of {columns.rows_read} rows can be used ({list_dropped(dropped)}); "
+            "accepted are "
             f"at least {MIN_SAMPLES}"
         )
     values = {key: value[kept] for key, value in columns.values.items()}
@@ -127,7 +128,7 @@ def _north(columns: Columns, time: FloatArray) -> _North:
         return _North("The aircraft hardly moves. Its track and its heading are not used.")
     off = wrap(_course(columns)[legs] - track[legs])
     variation = columns.get("variation")
-    usual = _middle(off)
+    usual = _median_angle(off)
     if variation is None:
         turn = np.full_like(time, usual)
         remark = (
@@ -137,7 +138,7 @@ def _north(columns: Columns, time: FloatArray) -> _North:
         return _North(remark, turn, turn)
     # East positive, west positive, or a track from true north: whichever the positions bear out.
     signs = (1.0, -1.0, 0.0)
-    residual = [abs(_middle(wrap(off - sign * variation[legs]))) for sign in signs]
+    residual = [abs(_median_angle(wrap(off - sign * variation[legs]))) for sign in signs]
     sign = signs[int(np.argmin(residual))]
     if min(residual) > _MAX_OFF_COURSE:
         return _North(
@@ -175,7 +176,7 @@ def _course(columns: Columns) -> FloatArray:
     return course
 
 
-def _middle(angles: FloatArray) -> float:
+def _median_angle(angles: FloatArray) -> float:
     """Return the median of angles about their mean direction [rad]."""
     mean = np.angle(np.mean(np.exp(1j * angles)))
     return float(wrap(mean + np.median(wrap(angles - mean))))

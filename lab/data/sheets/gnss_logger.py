@@ -44,7 +44,7 @@ def is_gnss_logger(data: bytes) -> bool:
     )
 
 
-def tables_of(data: bytes) -> bytes:
+def split_tables(data: bytes) -> bytes:
     """Return the sensors and fixes in a text of this app as csv tables, one below the other."""
     names = _names(data[:_HEAD].decode("utf-8", "replace"))
     rows: dict[str, list[str]] = {kind: [] for kind in ("Fix", *chain(*_SENSORS.values()), *_FIELD)}

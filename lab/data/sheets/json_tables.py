@@ -43,10 +43,10 @@ def json_tables(data: bytes) -> list[tuple[str, bytes]]:
         The text, in UTF-8. What is no JSON ends the line, or the list in which it stands.
     """
     text = data.decode("utf-8", "replace")
-    return tables_of((pair for one in _objects(text) for pair in _rows(one, "", _DEEPEST)), len(text))
+    return write_tables((pair for one in _objects(text) for pair in _rows(one, "", _DEEPEST)), len(text))
 
 
-def tables_of(rows: Iterable[tuple[str, dict[str, str]]], size: int) -> list[tuple[str, bytes]]:
+def write_tables(rows: Iterable[tuple[str, dict[str, str]]], size: int) -> list[tuple[str, bytes]]:
     """Return kind and csv of rows, whose cells are named; those at the end of a row may be left out.
 
     Parameters

@@ -54,7 +54,7 @@ class _Form(NamedTuple):
 
 def is_long(head: bytes) -> bool:
     """Return whether the first bytes of a text, in UTF-8, are of such a table."""
-    return _form_of(head) is not None
+    return _recognise_form(head) is not None
 
 
 def long_tables(data: bytes) -> list[tuple[str, bytes]]:
@@ -67,11 +67,11 @@ def long_tables(data: bytes) -> list[tuple[str, bytes]]:
     data
         The text, in UTF-8.
     """
-    form = _form_of(data)
+    form = _recognise_form(data)
     if form is None:
         return []
     if len(form.values) == 1:
-        return [("", _wide(data, form))]
+        return [("", _widen_table(data, form))]
     found: dict[str, list[str]] = {}
     for row in _rows(data.split(b"\n"), form.delimiter):
         if len(row) == len(form.names) and (row[form.kind] in found or len(found) < _MAX_SENSORS):
@@ -105,7 +105,7 @@ def _size(cell: str) -> float:
     return abs(float(cell.replace(",", "."))) if _NUMBER.fullmatch(cell) else 0.0
 
 
-def _wide(data: bytes, form: _Form) -> bytes:
+def _widen_table(data: bytes, form: _Form) -> bytes:
     """Return rows of one number each as a table with a column for each name and a row for each time."""
     names: dict[str, int] = {}
     rows: dict[str, dict[int, str]] = {}
@@ -133,7 +133,7 @@ def _rows(lines: Sequence[bytes], delimiter: str) -> Iterator[list[str]]:
             ]
 
 
-def _form_of(data: bytes) -> _Form | None:
+def _recognise_form(data: bytes) -> _Form | None:
     """Return the form of a long table by its header, if it has one, and first rows; None for another text."""
     head = data[:_HEAD]
     lines = [line for line in head.split(b"\n")[: 2 * _ROWS] if line.strip() and not line.startswith(_REMARK)]

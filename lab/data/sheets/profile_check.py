@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lab.base.files.atomic_file import write_file
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.files.profile import Profile, own_folder, own_profiles, plain, read_profile, shipped_profiles
@@ -20,11 +20,11 @@ from lab.data.sheets.column_names import (
     given_heading,
     kind_of,
 )
-from lab.data.sheets.column_proposals import written
-from lab.data.sheets.flight_columns import recognised
+from lab.data.sheets.column_proposals import format_override
+from lab.data.sheets.flight_columns import recognises_header
 from lab.data.sheets.sensor_csv import sheets_of
-from lab.data.sheets.sheet_layout import HEAD, as_utf8, layout_of, numbered
-from lab.data.sheets.sheet_sources import as_table
+from lab.data.sheets.sheet_layout import HEAD, as_utf8, find_layout, number_headings
+from lab.data.sheets.sheet_sources import to_csv_table
 
 _FILE_NAME = re.compile(r"[^\w-]+")
 
@@ -70,13 +70,13 @@ def columns_in(profile: Profile, path: Path) -> list[str]:
     MissionError
         If the file cannot be read, or does not have this profile.
     """
-    data = whole(path, MAX_BYTES)
+    data = read_whole(path, MAX_BYTES)
     if profile.simulator:
-        if not recognised(data[:HEAD], profile):
+        if not recognises_header(data[:HEAD], profile):
             raise MissionError(f"{path}: lacks headings that {profile.name} needs")
         return [f"{path}: is {profile.name}."]
-    layout = layout_of(as_table(as_utf8(data))[:HEAD], path.name)
-    there = [] if layout is None else numbered(layout.headings)
+    layout = find_layout(to_csv_table(as_utf8(data))[:HEAD], path.name)
+    there = [] if layout is None else number_headings(layout.headings)
     if missing := profile.missing(there):
         seen = f"its headings are {', '.join(there)}" if there else "no headings are recognised in it"
         raise MissionError(f"{path}: lacks headings that {profile.name} needs: {', '.join(missing)}; {seen}")
@@ -115,7 +115,7 @@ def save_profile(name: str, paths: Sequence[Path], units: Mapping[str, str]) -> 
     columns: dict[str, str] = {}
     needs: list[str] = []
     for sheet in sheets_of(paths, units):
-        named = {one.text: written(one, one.unit) for one in sheet.headings if one.text in units}
+        named = {one.text: format_override(one, one.unit) for one in sheet.headings if one.text in units}
         named |= {text: "-" for text in sheet.unknown if text in units}
         if named:
             columns |= named
@@ -148,10 +148,17 @@ def profile_toml(name: str, needs: Sequence[str], columns: Mapping[str, str]) ->
         What each heading is, as ``--column`` takes it.
     """
 
-    def quoted(text: str) -> str:
+    def quote_text(text: str) -> str:
         return json.dumps(text, ensure_ascii=False)
 
-    lines = [f"{quoted(heading)} = {quoted(text)}" for heading, text in columns.items()]
+    lines = [f"{quote_text(heading)} = {quote_text(text)}" for heading, text in columns.items()]
     return "\n".join(
-        (f"name = {quoted(name)}", f"needs = [{', '.join(map(quoted, needs))}]", "", "[columns]", *lines, "")
+        (
+            f"name = {quote_text(name)}",
+            f"needs = [{', '.join(map(quote_text, needs))}]",
+            "",
+            "[columns]",
+            *lines,
+            "",
+        )
     )

@@ -19,24 +19,24 @@ from pathlib import Path
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.files.file_content import ZIP, whole
+from lab.base.files.file_content import ZIP, read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.data.checks.gyro_check import are_explained
 from lab.data.checks.imu_axes import axes_matrix
-from lab.data.checks.log_check import is_explained, matches_of
+from lab.data.checks.log_check import is_explained, match_windows
 from lab.data.files.track import Track
 from lab.data.files.unit_names import refuse_unknown
 from lab.data.log.auxiliary_data import AuxiliaryData
-from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
+from lab.data.log.sensor_log import GnssLog, SensorLog, repair_log
 from lab.data.log.vehicle import vehicle_of
 from lab.data.rebuild.raw_flight import ColumnUnit, RawFlight
 from lab.data.sheets.column_names import GIVEN, IGNORED, OF_DIRECTIONS, QUANTITIES, Heading
 from lab.data.sheets.json_tables import is_json
-from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, metadata_of
+from lab.data.sheets.sensor_logger import METADATA, against_gravity, metadata_beside, read_metadata
 from lab.data.sheets.sheet import Sheet
-from lab.data.sheets.sheet_attitude import attitude_of, reference_of
-from lab.data.sheets.sheet_axes import Oriented, oriented
+from lab.data.sheets.sheet_attitude import find_attitude, make_reference
+from lab.data.sheets.sheet_axes import Oriented, orient_log
 from lab.data.sheets.sheet_blocks import (
     has_velocity,
     in_time_order,
@@ -45,15 +45,22 @@ from lab.data.sheets.sheet_blocks import (
     read_sheets,
     with_velocities,
 )
-from lab.data.sheets.sheet_clock import offset_that_agrees, remark_on_ends
-from lab.data.sheets.sheet_field import field_of
-from lab.data.sheets.sheet_fixes import DOUBTFUL, Fixes, fixes_of, in_height_unit, pace_of, resets_of
+from lab.data.sheets.sheet_clock import describe_ends, offset_that_agrees
+from lab.data.sheets.sheet_field import find_magnetometer
+from lab.data.sheets.sheet_fixes import (
+    DOUBTFUL,
+    Fixes,
+    find_fixes,
+    find_resets,
+    in_height_unit,
+    speed_of_fixes,
+)
 from lab.data.sheets.sheet_gravity import refuse_cm_per_s2
 from lab.data.sheets.sheet_heights import about_heights, unit_that_agrees
-from lab.data.sheets.sheet_imu import OF_MOTION, Imu, imu_of, in_other_unit, without_gravity
-from lab.data.sheets.sheet_layout import TIMES, as_utf8, cells_of, layout_of
-from lab.data.sheets.sheet_pressure import barometer_of
-from lab.data.sheets.sheet_sources import ENDINGS, KITTI_STAMP, as_table, parted, tables_in
+from lab.data.sheets.sheet_imu import OF_MOTION, Imu, find_imu, in_other_unit, without_gravity
+from lab.data.sheets.sheet_layout import TIMES, as_utf8, cells_of, find_layout
+from lab.data.sheets.sheet_pressure import find_barometer
+from lab.data.sheets.sheet_sources import ENDINGS, KITTI_STAMP, split_tables, tables_in, to_csv_table
 from lab.motion.frames.displacement import velocity_of_positions
 
 _Checked = Callable[[Imu, GnssLog], Oriented]
@@ -89,14 +96,14 @@ def recognises(head: bytes) -> bool:
         return False
     # Columns x, y and z are of a sensor that the name of the file tells.
     return KITTI_STAMP.match(head) is not None or any(
-        _names_enough(table, name) for name, table in parted("accelerometer", text)
+        _names_enough(table, name) for name, table in split_tables("accelerometer", text)
     )
 
 
 def _names_enough(text: bytes, name: str) -> bool:
     """Return whether a text has a header that names time, and a position or a sensor."""
     try:
-        layout = layout_of(as_table(text), name)
+        layout = find_layout(to_csv_table(text), name)
     except MissionError:
         return True  # of several profiles, which reading reports
     if layout is None:
@@ -117,7 +124,7 @@ def missing_time_reason(head: bytes) -> str:
     if names & TIMES or not _has_samples(names):
         return ""
     return (
-        f"{_listed(head)}, and none of its headings names a time: --column HEADING=time[s] says "
+        f"{_list_headings(head)}, and none of its headings names a time: --column HEADING=time[s] says "
         "which one is the time."
     )
 
@@ -128,7 +135,8 @@ def what_is_missing(head: bytes) -> str:
     if not names or _has_samples(names):
         return missing_time_reason(head) if set(_POSITION) <= names else ""
     return (
-        f"{_listed(head)}, and none of its headings names a position, a gyro or an accelerometer: --column "
+        f"{_list_headings(head)}, and none of its headings names a position, a gyro or an accelerometer: "
+        "--column "
         "HEADING=QUANTITY[UNIT] says what a column is."
     )
 
@@ -136,12 +144,14 @@ def what_is_missing(head: bytes) -> str:
 def _known_in(head: bytes) -> list[Heading]:
     """Return what the headings of a table name, but for vehicles."""
     try:
-        layout = layout_of(as_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
+        layout = (
+            find_layout(to_csv_table(as_utf8(head)), "accelerometer") if b"\0" not in head[:4000] else None
+        )
     except MissionError:
         return []
     if layout is None:
         return []
-    below = as_table(as_utf8(head)).split(b"\n", layout.line + 4)[layout.line + 1 : layout.line + 4]
+    below = to_csv_table(as_utf8(head)).split(b"\n", layout.line + 4)[layout.line + 1 : layout.line + 4]
     rows = [cells_of(line.decode("utf-8", "replace"), layout.delimiter) for line in below]
     is_prose = not any(len(row) == len(layout.headings) and _NUMBER.match(row[-1] or row[0]) for row in rows)
     known = [one for one in layout.known if one is not None and one.quantity != "craft"]
@@ -153,7 +163,7 @@ def _has_samples(names: AbstractSet[str]) -> bool:
     return set(_POSITION) <= names or bool(names & {"rate", "force"})
 
 
-def _listed(head: bytes) -> str:
+def _list_headings(head: bytes) -> str:
     texts = ", ".join(dict.fromkeys(one.text for one in _known_in(head)))[:_MAX_REPORT]
     return f"It is a table with {texts}"
 
@@ -167,20 +177,20 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         If there are none, or a column that a person names is not there.
     """
     sheets = sheets_of(paths, units)
-    fixes = fixes_of(sheets, with_height=False)
+    fixes = find_fixes(sheets, with_height=False)
     gnss = fixes.gnss
-    attitude = attitude_of(sheets, gnss.time, gnss.position, gnss.velocity_n)
+    attitude = find_attitude(sheets, gnss.time, gnss.position, gnss.velocity_n)
     of_imu: list[ColumnUnit] = []
     if any(one.all_of("rate") for one in sheets):
         with contextlib.suppress(MissionError):
             of_imu = units_of_imu(sheets, gnss)
     columns = {one.column: one for one in (*fixes.units, *of_imu) if one.column}
     columns |= {one.column: one for one in (attitude.units if attitude else ())}
-    resets, counters = resets_of(fixes)
+    resets, counters = find_resets(fixes)
     remarks = [remark for one in sheets for remark in one.remarks]
     remarks += [*fixes.remarks, *([attitude.remark] if attitude else [])]
     remarks += [
-        *unread(sheets, [*columns, *counters], remarks),
+        *describe_unread(sheets, [*columns, *counters], remarks),
         *about_heights(fixes.units[2].column, fixes.sheet.ellipsoid),
     ]
     flight = Track(
@@ -201,7 +211,7 @@ _MAX_UNREAD = 20
 """Most headings of columns that are not read that are reported."""
 
 
-def unread(sheets: Sequence[Sheet], used: Sequence[str], remarks: Sequence[str]) -> list[str]:
+def describe_unread(sheets: Sequence[Sheet], used: Sequence[str], remarks: Sequence[str]) -> list[str]:
     """Return a sentence on the columns of which nothing is used; none if there are none."""
     stamps = {*TIMES, "fraction", "year", "month", "day", "hour", "minute", "side", "instance"}
     texts = [
@@ -254,9 +264,9 @@ def read_logs(
         If something is missing or implausible, saying what was understood.
     """
     sheets = sheets_of(paths, units or {})
-    imu = imu_of(sheets)
+    imu = find_imu(sheets)
     stamps = [one.text for one in imu.gyro.sheet.headings if one.quantity in ("time", "clock")]
-    fixes = fixes_of(sheets, stamps)
+    fixes = find_fixes(sheets, stamps)
     fixes = fixes._replace(gnss=replace(fixes.gnss, lever_arm=np.array(lever_arm, float), latency=latency))
     profiles = [one.profile for one in sheets if one.profile is not None]
     of_imu = imu.gyro.sheet.profile
@@ -265,10 +275,10 @@ def read_logs(
     name = (
         str(paths[0]) if len(paths) == 1 else f"{paths[0].parent}: {', '.join(path.name for path in paths)}"
     )
-    checked = partial(_oriented_log, name, vehicle, axes, pace_of(fixes))
+    checked = partial(_oriented_log, name, vehicle, axes, speed_of_fixes(fixes))
     imu, (log, forward) = _in_unit_of_motion(imu, fixes, checked)
     refuse_cm_per_s2(imu, fixes.gnss)
-    ends_apart = remark_on_ends(imu.time, fixes.gnss)
+    ends_apart = describe_ends(imu.time, fixes.gnss)
     if ends_apart and not is_explained(log) and (found := _leap_seconds(imu, fixes.gnss, checked)):
         raise MissionError(f"{name}: the velocities do not change as the IMU says. {found}")
     height = fixes.units[2]
@@ -277,13 +287,15 @@ def read_logs(
         if unit != height.unit:
             fixes = in_height_unit(fixes, unit, factor)
             log, forward = checked(imu, fixes.gnss)
-    field, pressure = field_of(sheets, log, axes_matrix(forward)), barometer_of(sheets, log)
+    field, pressure = find_magnetometer(sheets, log, axes_matrix(forward)), find_barometer(sheets, log)
     remarks = [remark for one in sheets for remark in one.remarks]
     remarks += [*imu.remarks, *fixes.remarks, *field.remarks, *pressure.remarks, *filter(None, [ends_apart])]
-    reference, told = reference_of(sheets, log, fixes.gnss)
+    reference, told = make_reference(sheets, log, fixes.gnss)
     remarks += told
     named = (*imu.gyro.headings, *imu.accelerometer.headings)
-    remarks += unread(sheets, [*(one.text for one in named), *(one.column for one in fixes.units)], remarks)
+    remarks += describe_unread(
+        sheets, [*(one.text for one in named), *(one.column for one in fixes.units)], remarks
+    )
     beside = replace(log.auxiliary, magnetometer=field.magnetometer, barometer=pressure.barometer)
     return replace(log, repairs=(*remarks, *log.repairs), auxiliary=beside, reference=reference)
 
@@ -295,7 +307,7 @@ def _oriented_log(
 
     def with_fixes(gnss: GnssLog) -> Callable[[FloatArray], SensorLog]:
         auxiliary = AuxiliaryData(vehicle=vehicle)
-        return lambda samples: repaired(name, imu.time, samples, gnss, auxiliary=auxiliary)
+        return lambda samples: repair_log(name, imu.time, samples, gnss, auxiliary=auxiliary)
 
     along = along_track(gnss, pace)
     shown = None if along is None else with_fixes(along)
@@ -305,7 +317,7 @@ def _oriented_log(
     is_signed = named or sheet.signed or not is_phone
     level = vehicle_of(vehicle).stays_level
     words = {one.headings[0].sensor for one in (imu.gyro, imu.accelerometer)} & {*OF_DIRECTIONS}
-    return oriented(imu.samples, with_fixes(gnss), axes, is_phone, is_signed, shown, level, words)
+    return orient_log(imu.samples, with_fixes(gnss), axes, is_phone, is_signed, shown, level, words)
 
 
 def _in_unit_of_motion(imu: Imu, fixes: Fixes, checked: _Checked) -> tuple[Imu, Oriented]:
@@ -336,18 +348,18 @@ _FOR_PLACES = "With other headings in place of the capitals, and their unit, the
 def _in_its_headings(text: str, imu: Imu) -> str:
     """Return a message whose options name the headings of a file and their units, to be pasted."""
 
-    def named(found: re.Match[str]) -> str:
+    def name_heading(found: re.Match[str]) -> str:
         triad = imu.gyro if found[1] == "RATE" else imu.accelerometer
         heading = triad.headings["XYZ".index(found[2])]
         sign = "" if (found[3] == "-") == (heading.sign < 0) else "-"
         return f'"{heading.text}={sign}{found[4]}[{triad.unit}]"'
 
-    return _REMEDY.sub(named, text).replace(_FOR_PLACES, "These options do it")
+    return _REMEDY.sub(name_heading, text).replace(_FOR_PLACES, "These options do it")
 
 
 def _borne_out(imu: Imu, read: Oriented) -> Oriented:
     """Return a log, or raise if only the motion can show the unit of its accelerations, and does not."""
-    matches = matches_of(read.log) if imu.accelerometer.source.startswith(OF_MOTION) else None
+    matches = match_windows(read.log) if imu.accelerometer.source.startswith(OF_MOTION) else None
     if matches is not None and not (matches.windows and are_explained(matches)):
         raise MissionError(without_gravity(imu.accelerometer))
     return read
@@ -366,16 +378,16 @@ def sheets_of(paths: Sequence[Path], units: Mapping[str, str]) -> list[Sheet]:
     MissionError
         If a file cannot be read, or a person names a column that no file has.
     """
-    overrides = {heading: as_override(text) for heading, text in units.items()}
+    overrides = {heading: parse_override(text) for heading, text in units.items()}
     sheets: list[Sheet] = []
     metadata = next((found for path in paths if (found := metadata_beside(path))), {})
     for path in paths:
-        data = whole(path, MAX_BYTES)
+        data = read_whole(path, MAX_BYTES)
         for name, text in tables_in(path, data):
             if name == METADATA:
-                metadata = metadata_of(as_utf8(text))
+                metadata = read_metadata(as_utf8(text))
             try:
-                sheets += read_sheets(name, as_table(as_utf8(text)), overrides)
+                sheets += read_sheets(name, to_csv_table(as_utf8(text)), overrides)
             except MissionError as error:
                 raise MissionError(f"{path}: {error}") from error
     headings = [text for one in sheets for text in (*(known.text for known in one.headings), *one.unknown)]
@@ -394,7 +406,7 @@ def names_quantity(text: str) -> bool:
     return "[" in text or text.strip() == IGNORED or text.strip().lstrip("+-").strip() in QUANTITIES
 
 
-def as_override(text: str) -> str:
+def parse_override(text: str) -> str:
     """Return what `lab.data.sheets.sheet` takes: a quantity as it is, a unit in brackets."""
     return text if names_quantity(text) else f"[{text}]"
 
@@ -412,11 +424,11 @@ def units_of_imu(sheets: Sequence[Sheet], gnss: GnssLog | None) -> list[ColumnUn
     Raises
     ------
     MissionError
-        As `lab.data.sheets.sheet_imu.imu_of`.
+        As `lab.data.sheets.sheet_imu.find_imu`.
     QuestionError
         If the data do not decide the unit.
     """
-    imu = imu_of(sheets)
+    imu = find_imu(sheets)
     refuse_cm_per_s2(imu, gnss)
     return [
         ColumnUnit(heading.text, triad.unit, triad.source)

@@ -33,7 +33,7 @@ _PLATFORMS = {"ios", "ipados"}
 """What an Apple device is called in that file."""
 
 
-def metadata_of(text: bytes) -> dict[str, str]:
+def read_metadata(text: bytes) -> dict[str, str]:
     """Return what a file `METADATA` says, by heading; nothing for another file of that name."""
     try:
         rows = list(csv.reader(text.decode("utf-8", "replace").splitlines()[:2]))
@@ -48,7 +48,7 @@ def metadata_beside(path: Path) -> dict[str, str]:
     beside = path.with_name(METADATA)
     try:
         with beside.open("rb") as file:
-            return metadata_of(file.read(_MAX_METADATA))
+            return read_metadata(file.read(_MAX_METADATA))
     except OSError:
         return {}
 
@@ -61,7 +61,7 @@ def against_gravity(sheets: Sequence[Sheet], metadata: dict[str, str]) -> list[S
     sheets
         All tables of a log; those of other programs are not changed.
     metadata
-        As of `metadata_of`.
+        As of `read_metadata`.
     """
     ours = {
         one.name: one
@@ -70,15 +70,15 @@ def against_gravity(sheets: Sequence[Sheet], metadata: dict[str, str]) -> list[S
     }
     if not ours:
         return list(sheets)
-    why = _why_along(ours, metadata)
+    why = _why_along_gravity(ours, metadata)
     known = bool(why or metadata)
     return [
-        replace(_reversed(sheet, why) if why else sheet, signed=known) if sheet.name in ours else sheet
+        replace(_reverse_force(sheet, why) if why else sheet, signed=known) if sheet.name in ours else sheet
         for sheet in sheets
     ]
 
 
-def _why_along(ours: dict[str, Sheet], metadata: dict[str, str]) -> str:
+def _why_along_gravity(ours: dict[str, Sheet], metadata: dict[str, str]) -> str:
     """Return why the accelerations are along gravity; empty if they are not, or nothing says so."""
     if metadata:
         apple = metadata["platform"].strip().lower() in _PLATFORMS
@@ -93,7 +93,7 @@ def _why_along(ours: dict[str, Sheet], metadata: dict[str, str]) -> str:
     return f"{raw.name} is in g, as on an iPhone" if in_g else ""
 
 
-def _reversed(sheet: Sheet, why: str) -> Sheet:
+def _reverse_force(sheet: Sheet, why: str) -> Sheet:
     headings = tuple(
         replace(one, sign=-one.sign) if one.quantity in {"force", "gravity"} and one.sensor != GIVEN else one
         for one in sheet.headings

@@ -29,9 +29,9 @@ from lab.data.sheets.sheet_cells import (
     are_decimal_commas,
     are_fixes,
     codes_of_names,
+    find_rows,
     numbers_of_cells,
     offsets_of_zones,
-    rows_of,
     signs_of_sides,
     without_long_lines,
     without_placeholders,
@@ -42,8 +42,8 @@ from lab.data.sheets.sheet_layout import (
     Layout,
     Overrides,
     cells_of,
-    ended,
-    layout_of,
+    count_headings,
+    find_layout,
     units_below,
 )
 
@@ -149,7 +149,7 @@ def read_sheet(name: str, data: bytes, overrides: Overrides | None = None) -> Sh
     MissionError
         If a person names a quantity or unit that is not accepted, or the rows cannot be read.
     """
-    layout = layout_of(data[:HEAD], name, overrides)
+    layout = find_layout(data[:HEAD], name, overrides)
     if layout is None:
         return None
     start = 0
@@ -206,7 +206,7 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
     rows = None
     if first_line:
         # A logger may end each line, or the header only, with a delimiter.
-        fewest = ended(layout.headings)
+        fewest = count_headings(layout.headings)
         most = max(len(layout.headings), fewest + 1)
         layout = replace(
             layout,
@@ -214,7 +214,7 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
             known=layout.known + (None,) * (most - len(layout.headings)),
         )
         line = first_line + data.count(b"\n", 0, start)
-        rows, start = rows_of(data[start:], line, layout.delimiter, fewest, most), 0
+        rows, start = find_rows(data[start:], line, layout.delimiter, fewest, most), 0
         data, rows = rows.data, rows._replace(data=b"")
     layout = replace(layout, known=tuple(
         _in_unit(known, units.get(place, "")) for place, known in enumerate(layout.known)
@@ -228,7 +228,7 @@ def sheet_below(name: str, data: bytes, layout: Layout, first_line: int = 0) -> 
         for quantity in (_COORDINATES if one.quantity == "place" else (None,))  # a cell that has both
     ]
     places, headings = [place for place, _ in pairs], [one for _, one in pairs]
-    width = len(layout.headings) if rows else ended(layout.headings)
+    width = len(layout.headings) if rows else count_headings(layout.headings)
     columns: list[FloatArray] = [np.empty(0)] * len(places)
     texts: dict[int, str] = {}
     below, long = (data[start:], 0) if rows else without_long_lines(data[start:])
@@ -384,7 +384,7 @@ def _numbers(
                 if separates is None:
                     separates = layout.delimiter == "," and not are_decimal_commas(written)
                 for i, cells in enumerate(written):
-                    numbers, unit = _parsed(cells, headings[i].quantity, separates, i, texts)
+                    numbers, unit = _parse_cells(cells, headings[i].quantity, separates, i, texts)
                     parts[i].append(numbers)
                     unit = unit_of(headings[i].kind, unit) if unit and headings[i].kind else ""
                     headings[i] = replace(headings[i], unit=headings[i].unit or unit)
@@ -393,7 +393,7 @@ def _numbers(
     return [np.concatenate(part) for part in parts], texts
 
 
-def _parsed(
+def _parse_cells(
     cells: Any, quantity: str, comma_separates: bool, place: int, texts: dict[int, str]
 ) -> tuple[FloatArray, str]:
     """Return the numbers of a column of texts, times that are no numbers as seconds; and their unit."""

@@ -16,7 +16,7 @@ from lab.base.arrays import FloatArray
 from lab.data.files.unit_names import UNITS
 from lab.data.log.sensor_log import believed_sigma
 from lab.data.sheets.sheet import Sheet
-from lab.data.sheets.sheet_heights import Column, column_of, rescaled
+from lab.data.sheets.sheet_heights import Column, find_column, rescale_column
 from lab.motion.frames.displacement import metres_per_radian
 
 _SIGMA_OF_RADIUS = 1.515
@@ -57,9 +57,9 @@ class _Beside(NamedTuple):
     way: float
 
 
-def _beside(sheet: Sheet, columns: Sequence[Column], position: FloatArray) -> _Beside:
+def _accuracies_beside(sheet: Sheet, columns: Sequence[Column], position: FloatArray) -> _Beside:
     """Return what shows the unit of accuracies: where heights or other accuracies are in mm, they are."""
-    others = [found for name in _SIGMAS if (found := column_of(sheet, name)) and found.source != "assumed"]
+    others = [found for name in _SIGMAS if (found := find_column(sheet, name)) and found.source != "assumed"]
     fine = [one for one in (*columns, *others) if one.unit.removesuffix("/s") in _FINE]
     units = {kind: one.unit for one in fine[::-1] for kind in _KINDS if one.unit in UNITS[kind]}
     scatter, way = np.inf, 0.0
@@ -71,7 +71,7 @@ def _beside(sheet: Sheet, columns: Sequence[Column], position: FloatArray) -> _B
     return _Beside(units, " and ".join(dict.fromkeys(one.name for one in fine)), scatter, way)
 
 
-def sigmas_of(
+def read_sigmas(
     sheet: Sheet,
     rows: NDArray[np.intp],
     columns: Sequence[Column],
@@ -93,11 +93,11 @@ def sigmas_of(
     velocity : (m, 3) array
         Velocities north, east, down [m/s]; the accuracy of a speed is also that of a vertical one.
     """
-    beside = _beside(sheet, columns, position)
+    beside = _accuracies_beside(sheet, columns, position)
     sigmas = np.full((len(rows), 6), np.nan)
     remarks, used = [], []
     for name, (kind, places, words, radius) in _SIGMAS.items():
-        column = column_of(sheet, name)
+        column = find_column(sheet, name)
         if column is None:
             continue
         if column.source == "assumed":
@@ -118,13 +118,13 @@ def _in_its_unit(column: Column, kind: str, rows: NDArray[np.intp], beside: _Bes
     values = column.values[rows][np.isfinite(column.values[rows])]
     size = float(np.median(values)) if values.size else 0.0
 
-    def believed(unit: str) -> bool:
+    def is_believable(unit: str) -> bool:
         return kind == "speed" or size * UNITS[kind][unit] * _CLEARLY_MORE > beside.scatter
 
     shared = beside.units.get(kind, "")
-    if shared and not (values % 1).any() and (believed(shared) or beside.scatter == np.inf):
-        return rescaled(column, kind, shared, f"as {beside.names or 'the other accuracies'}")
+    if shared and not (values % 1).any() and (is_believable(shared) or beside.scatter == np.inf):
+        return rescale_column(column, kind, shared, f"as {beside.names or 'the other accuracies'}")
     huge = kind == "length" and size > _LEAST_HUGE and beside.way > size and beside.scatter < size * _AGREES
-    unit = next((one for one in _FINE if huge and believed(one)), "")
+    unit = next((one for one in _FINE if huge and is_believable(one)), "")
     why = f"guessed: the fixes agree to {beside.scatter:.2g} m, not to {size:.3g} m"
-    return rescaled(column, kind, unit, why) if unit else column
+    return rescale_column(column, kind, unit, why) if unit else column

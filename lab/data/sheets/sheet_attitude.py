@@ -24,7 +24,7 @@ from lab.data.log.sensor_log import GnssLog, SensorLog
 from lab.data.rebuild.raw_flight import ColumnUnit
 from lab.data.sheets.column_names import GIVEN, NUMBERED, Heading
 from lab.data.sheets.sheet import Sheet
-from lab.data.sheets.sheet_clock import Clock, clock_of
+from lab.data.sheets.sheet_clock import Clock, find_clock
 from lab.data.sheets.sheet_heights import BY_SIZE
 from lab.motion.frames.displacement import metres_per_radian
 
@@ -135,7 +135,7 @@ class _Columns(NamedTuple):
         return self if every.step == 1 else self._replace(clock=clock, values=self.values[every])
 
 
-def attitude_of(
+def find_attitude(
     sheets: Sequence[Sheet], time: FloatArray, position: FloatArray, velocity: FloatArray
 ) -> Attitude | None:
     """Return the attitude in the sheets; None if no columns name one.
@@ -157,13 +157,13 @@ def attitude_of(
         motion = motion or _motion(time, position, velocity)
         some = columns.thinned()
         read = list(_readings(some))
-        scores = [_agreement(_known(some, one, ""), motion) for one in read]
+        scores = [_agreement(_known_reading(some, one, ""), motion) for one in read]
         best = max(scores, key=lambda one: one.size)
         as_written = columns.given and len(columns.headings) == len("rpy")
         at = 0 if as_written else next(i for i, one in enumerate(scores) if one.size >= best.size - _LIKE)
         if columns.given or scores[at].agrees:
             whole = read[at] if some is columns else next(islice(_readings(columns), at, None))
-            found = _known(columns, whole, scores[at].words)
+            found = _known_reading(columns, whole, scores[at].words)
             words = f"{found.remark} {_ON_WHEELS}" if scores[at].level else found.remark
             return found._replace(remark=words, vehicle="car" if scores[at].level else "")
         names = ", ".join(one.text for one in columns.headings)
@@ -186,7 +186,7 @@ def _candidates(sheets: Sequence[Sheet]) -> Iterator[_Columns]:
     Angles come before quaternions, which have more readings.
     """
     for sheet in sorted(sheets, key=len, reverse=True):
-        clock = clock_of(sheet, sheet.has_imu)
+        clock = find_clock(sheet, sheet.has_imu)
         if clock is None:
             continue
         found = [sheet.all_of(name)[:1] for name in ("roll", "pitch", "yaw")]
@@ -241,7 +241,7 @@ def _readings(columns: _Columns) -> Iterator[_Reading]:
             yield _Reading(swap * one * flip, "", f", in east, north, up{scalar}{words}")
 
 
-def _known(columns: _Columns, reading: _Reading, why: str) -> Attitude:
+def _known_reading(columns: _Columns, reading: _Reading, why: str) -> Attitude:
     """Return one reading at the times at which it is known."""
     time = columns.clock.time
     kept = np.isfinite(columns.values).all(axis=1) & np.isfinite(time)
@@ -262,7 +262,7 @@ class _Motion(NamedTuple):
     acceleration: FloatArray
 
 
-def _even(first: float, last: float, step: float) -> FloatArray:
+def _even_times(first: float, last: float, step: float) -> FloatArray:
     """Return even times; at most `_MAX_STEPS`, whatever the stamps of a damaged file are."""
     return np.asarray(first + step * np.arange(min(max((last - first) / step, 0.0), _MAX_STEPS)))
 
@@ -276,7 +276,7 @@ def _motion(time: FloatArray, position: FloatArray, velocity: FloatArray) -> _Mo
     if t.size < _MIN_STEPS:
         return none
     step = max(_STEP, float(np.median(np.diff(t))))
-    even = _even(t[0], t[-1], step)
+    even = _even_times(t[0], t[-1], step)
     if even.size < _MIN_STEPS:
         return none
     place = position[kept]
@@ -337,7 +337,7 @@ _RATE_STEP = 0.5
 """Time between the attitudes whose rates are compared [s]: noise of 0.1° is 0.3 °/s."""
 
 
-def reference_of(
+def make_reference(
     sheets: Sequence[Sheet], log: SensorLog, gnss: GnssLog
 ) -> tuple[Reference | None, list[str]]:
     """Return the attitude of a file as the reference of its log, if its rates are those of the gyros.
@@ -356,12 +356,12 @@ def reference_of(
     Reference or None, list of str
         The reference, and the report.
     """
-    found = attitude_of(sheets, gnss.time, gnss.position, gnss.velocity_n)
+    found = find_attitude(sheets, gnss.time, gnss.position, gnss.velocity_n)
     if found is None or not len(found.time):
         return None, [found.remark] if found else []
     time = found.time - log.epoch
     inside = (time >= log.time[0]) & (time <= log.time[-1])
-    at = _even(log.time[0], log.time[-1], _RATE_STEP)
+    at = _even_times(log.time[0], log.time[-1], _RATE_STEP)
     euler = found.at(at + log.epoch)
     known = np.asarray(np.isfinite(euler).all(axis=1))
     both = known[1:] & known[:-1]

@@ -22,7 +22,7 @@ from lab.base.files.mission_error import MissionError
 from lab.data.checks import limits
 from lab.data.checks.gyro_check import GyroError
 from lab.data.checks.imu_axes import XYZ, axes_matrix
-from lab.data.checks.log_check import check_log, is_explained, matches_of
+from lab.data.checks.log_check import check_log, is_explained, match_windows
 from lab.data.checks.window_matches import WindowMatches
 from lab.data.log.sensor_log import SensorLog
 from lab.data.sheets.column_names import OF_DIRECTIONS
@@ -62,7 +62,7 @@ class Oriented(NamedTuple):
     axes: Axes
 
 
-def oriented(
+def orient_log(
     samples: FloatArray,
     build: Callable[[FloatArray], SensorLog],
     given: Sequence[str] = (),
@@ -100,22 +100,22 @@ def oriented(
         If the log is implausible whatever the axes, or with those given.
     """
     if given:
-        log = build(_turned(samples, given))
+        log = build(_turn_samples(samples, given))
         check_log(log)
         return Oriented(
-            _reported(log, f"Axes: {_describe(given)}, as given."), (given[0], given[1], given[2])
+            _add_remark(log, f"Axes: {_describe(given)}, as given."), (given[0], given[1], given[2])
         )
     judged = shown or build
     signs = ""
     if OF_DIRECTIONS[1] in by_words:
         samples, signs = _in_signs_of_motion(samples, judged, phone, level, by_words)
-    passed, refused = _tried(samples, judged, phone, level)
+    passed, refused = _try_axes(samples, judged, phone, level)
     if not passed and by_words == {OF_DIRECTIONS[0]}:
         samples, signs = _in_signs_of_motion(samples, judged, phone, level, by_words)
-        passed = _tried(samples, judged, phone, level)[0] if signs else passed
+        passed = _try_axes(samples, judged, phone, level)[0] if signs else passed
     reversed_ = samples * np.array([1.0] * 3 + [-1.0] * 3)
     if not passed:
-        agreeing = any(is_explained(log) for _, log in _tried(reversed_, judged, phone, level)[0][:1])
+        agreeing = any(is_explained(log) for _, log in _try_axes(reversed_, judged, phone, level)[0][:1])
         hint = _IF_REVERSED if agreeing else ""
         raise MissionError(f"{str(refused[0]).removesuffix('.')}{hint}")
     axes, log = passed[0]
@@ -124,12 +124,12 @@ def oriented(
         why = "the force at the start shows where the nose points; the roll is assumed"
     elif len(passed) == 1:
         why = "gravity and the motion show them"
-    log = log if shown is None else build(_turned(samples, axes))
+    log = log if shown is None else build(_turn_samples(samples, axes))
     log = replace(log, auxiliary=replace(log.auxiliary, forward_assumed=len(passed) > 1))
-    other = (_opposite(axes[0]), axes[1], _opposite(axes[2]))
-    doubtful = not signed and _passes(judged(_turned(reversed_, other)))
+    other = (_opposite_axis(axes[0]), axes[1], _opposite_axis(axes[2]))
+    doubtful = not signed and _passes_check(judged(_turn_samples(reversed_, other)))
     doubt = _OR_REVERSED.format(_describe(other)) if doubtful else ""
-    return Oriented(_reported(log, f"Axes: {_describe(axes)}: {why}{_tilt(samples)}.{signs}{doubt}"), axes)
+    return Oriented(_add_remark(log, f"Axes: {_describe(axes)}: {why}{_tilt(samples)}.{signs}{doubt}"), axes)
 
 
 def _in_signs_of_motion(
@@ -145,7 +145,7 @@ def _in_signs_of_motion(
     Gyros that are named x, y, z are right-handed, with y and z to either side.
     """
     axes = next(_candidates(samples, phone, level))
-    C, matches = axes_matrix(axes), matches_of(build(_turned(samples, axes)))
+    C, matches = axes_matrix(axes), match_windows(build(_turn_samples(samples, axes)))
     if len(matches.windows) < limits.LOG.gyro_windows:
         return samples, ""
 
@@ -163,7 +163,9 @@ def _in_signs_of_motion(
     tried = sorted((misfit(one), one) for one in open_signs)
     fitting = [one for one in tried if one[0] < limits.LOG.gyro_misfit]
     turned = [(left, np.array((*one[:3], 1.0, one[3], 1.0))) for left, one in fitting]
-    passed = [(left, signs) for left, signs in turned if _passes(build(_turned(samples * signs, axes)))]
+    passed = [
+        (left, signs) for left, signs in turned if _passes_check(build(_turn_samples(samples * signs, axes)))
+    ]
     if not passed:
         return samples, ""
     alike = [signs for left, signs in passed if left < limits.LOG.alike_misfit * passed[0][0]]
@@ -181,7 +183,7 @@ def _in_signs_of_motion(
     )
 
 
-def _passes(log: SensorLog) -> bool:
+def _passes_check(log: SensorLog) -> bool:
     try:
         check_log(log)
     except MissionError:
@@ -189,7 +191,7 @@ def _passes(log: SensorLog) -> bool:
     return True
 
 
-def _opposite(axis: str) -> str:
+def _opposite_axis(axis: str) -> str:
     return axis[1:] if axis.startswith("-") else f"-{axis}"
 
 
@@ -202,11 +204,11 @@ class _SharedMatches:
     def of(self, C: FloatArray, log: SensorLog) -> WindowMatches:
         """Return the matches of a log whose axes are C times those of the IMU."""
         if self._first is None:
-            self._first = (C, matches_of(log))
+            self._first = (C, match_windows(log))
         return self._first[1].turned(C @ self._first[0].T)
 
 
-def _tried(
+def _try_axes(
     samples: FloatArray, build: Callable[[FloatArray], SensorLog], phone: bool, level: bool
 ) -> tuple[list[tuple[Axes, SensorLog]], list[MissionError]]:
     """Return the axes with which a log passes, each with the log, and why it does not with the others."""
@@ -214,7 +216,7 @@ def _tried(
     refused: list[MissionError] = []
     shared = _SharedMatches()
     for axes in _candidates(samples, phone, level):
-        log = build(_turned(samples, axes))
+        log = build(_turn_samples(samples, axes))
         try:
             check_log(log, partial(shared.of, axes_matrix(axes)))
         except GyroError as error:
@@ -227,7 +229,7 @@ def _tried(
     return passed, refused
 
 
-def _turned(samples: FloatArray, axes: Sequence[str]) -> FloatArray:
+def _turn_samples(samples: FloatArray, axes: Sequence[str]) -> FloatArray:
     C = axes_matrix(axes)
     return np.column_stack((samples[:, :3] @ C.T, samples[:, 3:] @ C.T))
 
@@ -271,5 +273,5 @@ def _tilt(samples: FloatArray) -> str:
     return f"; gravity is {np.degrees(angle):.0f}° off the nearest axis" if angle > _TILTED else ""
 
 
-def _reported(log: SensorLog, sentence: str) -> SensorLog:
+def _add_remark(log: SensorLog, sentence: str) -> SensorLog:
     return replace(log, repairs=(sentence, *log.repairs))

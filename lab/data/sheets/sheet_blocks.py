@@ -18,8 +18,8 @@ from lab.data.clock.faults import is_regular
 from lab.data.files.profile import Profile
 from lab.data.sheets.sheet import Sheet, read_sheet, sheet_below
 from lab.data.sheets.sheet_cells import name_of_code
-from lab.data.sheets.sheet_clock import clock_of
-from lab.data.sheets.sheet_layout import HEAD, Layout, Overrides, layout_of
+from lab.data.sheets.sheet_clock import find_clock
+from lab.data.sheets.sheet_layout import HEAD, Layout, Overrides, find_layout
 
 _TITLED = re.compile(rb"\n[ \t\"'#%/]*[A-Za-z_][^\n]*")
 """A line that begins with a word, and the end of the one before, by which lines are found quickly."""
@@ -54,13 +54,13 @@ def read_sheets(name: str, data: bytes, overrides: Overrides | None = None) -> l
         found = read_sheet(name, data, overrides)
         return [] if found is None else [found]
     sheets: dict[tuple[str, ...], list[Sheet]] = {}
-    for start, below, end, layout in _with_ends(blocks, data):
+    for start, below, end, layout in _add_ends(blocks, data):
         rows = sheet_below(name, data[below:end], layout)
         if len(rows):
             line = data.count(b"\n", 0, start) + 1
             named = replace(rows, name=f"{name} from line {line}" if sheets else name)
             sheets.setdefault(layout.headings, []).append(named)
-    return [_joined(parts) for parts in sheets.values()]
+    return [_join_sheets(parts) for parts in sheets.values()]
 
 
 def recordings_in(name: str, data: bytes, profile: Profile) -> list[Sheet]:
@@ -80,7 +80,7 @@ def recordings_in(name: str, data: bytes, profile: Profile) -> list[Sheet]:
     MissionError
         If the rows cannot be read.
     """
-    first = layout_of(data[:HEAD], name, profile=profile)
+    first = find_layout(data[:HEAD], name, profile=profile)
     if first is None:
         return []
     start = 0
@@ -90,13 +90,13 @@ def recordings_in(name: str, data: bytes, profile: Profile) -> list[Sheet]:
     if len(further) == MAX_BLOCKS:
         raise MissionError(f"more than {MAX_BLOCKS} headers; accepted is one flight")
     found, line = [], 1
-    for begin, below, end, layout in _with_ends([(0, start, first), *further], data):
+    for begin, below, end, layout in _add_ends([(0, start, first), *further], data):
         found.append(sheet_below(name, data[below:end], layout, line + data.count(b"\n", begin, below)))
         line += data.count(b"\n", begin, end)
     return found
 
 
-def _with_ends(
+def _add_ends(
     blocks: Sequence[tuple[int, int, Layout]], data: bytes
 ) -> Iterator[tuple[int, int, int, Layout]]:
     """Yield where headers and the rows below begin, where these end, and what the header says."""
@@ -111,14 +111,14 @@ def _headers(
     """Return where headers with rows below begin and end, from a place on, and what they say."""
     found: list[tuple[int, int, Layout]] = []
     tried = 0
-    for start, end in _titled(data, begin):
+    for start, end in _find_titles(data, begin):
         line = data[start:end]
         if not _TIMED.search(line):
             continue
         tried += 1
         if tried > _MAX_TRIED + len(found):
             break
-        layout = layout_of(line, name, overrides, profile) if len(line) <= HEAD else None
+        layout = find_layout(line, name, overrides, profile) if len(line) <= HEAD else None
         if layout is None or layout.line < 0:
             continue
         quantities = {one.quantity for one in layout.known if one is not None}
@@ -132,7 +132,7 @@ def _headers(
     return found
 
 
-def _titled(data: bytes, begin: int) -> Iterator[tuple[int, int]]:
+def _find_titles(data: bytes, begin: int) -> Iterator[tuple[int, int]]:
     """Yield begin and end of the lines that begin with a word, from a place on."""
     if not begin and _TITLED.match(b"\n" + data[:HEAD]):
         end = data.find(b"\n")
@@ -141,7 +141,7 @@ def _titled(data: bytes, begin: int) -> Iterator[tuple[int, int]]:
         yield match.start() + 1, match.end()
 
 
-def _joined(parts: list[Sheet]) -> Sheet:
+def _join_sheets(parts: list[Sheet]) -> Sheet:
     """Return sheets under equal headers as one, with the columns that all of them have."""
     if len(parts) == 1:
         return parts[0]
@@ -171,7 +171,7 @@ def one_recording(sheets: Sequence[Sheet]) -> list[Sheet]:
     """
     if not any(sheet.restarts for sheet in sheets):
         return list(sheets)
-    starts = [_starts(sheet) for sheet in sheets]
+    starts = [_find_starts(sheet) for sheet in sheets]
     chosen: dict[int, int] = {}
     order = sorted(range(len(sheets)), key=lambda i: not sheets[i].all_of("rate"))
     for i in order:
@@ -179,17 +179,17 @@ def one_recording(sheets: Sequence[Sheet]) -> list[Sheet]:
             lengths = np.diff([*starts[i], len(sheets[i])])
             chosen.setdefault(len(starts[i]), int(np.argmax(lengths)))
     return [
-        _cut(sheet, begun, chosen[len(begun)]) if len(begun) > 1 else sheet
+        _cut_sheet(sheet, begun, chosen[len(begun)]) if len(begun) > 1 else sheet
         for sheet, begun in zip(sheets, starts, strict=True)
     ]
 
 
-def _starts(sheet: Sheet) -> list[int]:
+def _find_starts(sheet: Sheet) -> list[int]:
     """Return the rows at which recordings begin: a header is repeated, and the time is earlier."""
     starts = [0]
     if not sheet.restarts:
         return starts
-    clock = clock_of(sheet, sheet.has_imu)
+    clock = find_clock(sheet, sheet.has_imu)
     if clock is None:
         return starts
     time = clock.time
@@ -200,7 +200,7 @@ def _starts(sheet: Sheet) -> list[int]:
     return starts
 
 
-def _cut(sheet: Sheet, starts: Sequence[int], which: int) -> Sheet:
+def _cut_sheet(sheet: Sheet, starts: Sequence[int], which: int) -> Sheet:
     begin, end = [*starts, len(sheet)][which : which + 2]
     remark = (
         f"{sheet.name} has {len(starts)} recordings, each under its own header, whose times begin again: "
@@ -211,7 +211,7 @@ def _cut(sheet: Sheet, starts: Sequence[int], which: int) -> Sheet:
 
 def in_time_order(sheet: Sheet) -> Sheet:
     """Return a sheet with its rows in order of time: they may be reversed, shuffled or of a ring buffer."""
-    clock = clock_of(sheet, sheet.has_imu, ordered=False)
+    clock = find_clock(sheet, sheet.has_imu, ordered=False)
     if clock is None:
         return sheet
     known = np.flatnonzero(np.isfinite(clock.time))
@@ -254,9 +254,9 @@ def with_velocities(sheets: Sequence[Sheet]) -> list[Sheet]:
     if len(bare) != 1 or len(places) != 1 or len(others) != 1:
         return list(sheets)
     (place,), (other,) = bare, others
-    clock, theirs = clock_of(place, fast=False), None
+    clock, theirs = find_clock(place, fast=False), None
     if clock is not None and not other.has_imu:
-        theirs = clock_of(other, fast=False, wanted=[one.text for one in place.headings])
+        theirs = find_clock(other, fast=False, wanted=[one.text for one in place.headings])
     if clock is None or theirs is None:
         return list(sheets)
     known = np.flatnonzero(np.isfinite(theirs.time))

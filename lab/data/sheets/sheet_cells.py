@@ -69,19 +69,19 @@ def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str
     """
     import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
 
-    def parsed(texts: Any) -> FloatArray:
+    def parse_texts(texts: Any) -> FloatArray:
         values = np.array(pd.to_numeric(texts, errors="coerce"), dtype=np.float64)
         values[~np.isfinite(values)] = np.nan
         return values
 
-    numbers = parsed(cells)
+    numbers = parse_texts(cells)
     left = np.isnan(numbers) & cells.str.contains(_DIGITS).to_numpy(dtype=bool)
     if not left.any():
         return numbers, ""
     for pattern, mark in _OTHER_THOUSANDS.items():
         if (fits := cells.str.fullmatch(pattern)).any():
             cells = cells.where(~fits, cells.str.replace(mark, "", regex=True))
-            numbers = parsed(cells)
+            numbers = parse_texts(cells)
             left = np.isnan(numbers) & cells.str.contains(_DIGITS).to_numpy(dtype=bool)
     if cells[left].str.contains(",").any():
         if comma_separates or cells[left].str.fullmatch(_BOTH_SEPARATORS).any():
@@ -89,7 +89,7 @@ def numbers_of_cells(cells: Any, comma_separates: bool) -> tuple[FloatArray, str
         else:
             fits, mark = cells.str.fullmatch(_DECIMAL_COMMA), "."
         fits &= left
-        numbers[fits.to_numpy(dtype=bool)] = parsed(cells[fits].str.replace(",", mark))
+        numbers[fits.to_numpy(dtype=bool)] = parse_texts(cells[fits].str.replace(",", mark))
         left &= np.isnan(numbers)
     unit = ""
     for row in np.flatnonzero(left):
@@ -176,10 +176,10 @@ _FROM = 256**_WHOLE_BYTES
 
 def codes_of_names(cells: Any) -> FloatArray:
     """Return numbers for the names of vehicles: numbers as they are, and others below zero."""
-    return np.where(cells == "", np.nan, cells.map({name: _code_of(name) for name in cells.unique()}))
+    return np.where(cells == "", np.nan, cells.map({name: _encode_name(name) for name in cells.unique()}))
 
 
-def _code_of(name: str) -> float:
+def _encode_name(name: str) -> float:
     if name.isascii() and name.isdigit() and (name[0] != "0" or name == "0"):
         return float(name)  # 007 is another vehicle than 7
     data = name.encode()
@@ -232,7 +232,7 @@ class Rows(NamedTuple):
     lost: dict[str, tuple[int, int]]
 
 
-def rows_of(data: bytes, first_line: int, delimiter: str, fewest: int, most: int) -> Rows:
+def find_rows(data: bytes, first_line: int, delimiter: str, fewest: int, most: int) -> Rows:
     """Return the lines of samples in a text; blank ones and remarks are none.
 
     Parameters
@@ -249,7 +249,7 @@ def rows_of(data: bytes, first_line: int, delimiter: str, fewest: int, most: int
     kept = [delimiter.encode() * (most - 1) + b"\n"]
     numbers, count, first = [np.empty(0, np.int32)], 0, 0
     lost = {MISSING: (0, 0), NO_NUMBER: (0, 0)}
-    for piece in _pieces(data):
+    for piece in _cut_pieces(data):
         # A zero byte would end a number early: no number has these letters.
         rows = piece.replace(b"\0", b"x0x").replace(b'"', b" ").replace(b"\r", b" ") + b"\n"
         characters = np.frombuffer(rows, dtype=np.uint8)
@@ -292,7 +292,7 @@ def without_long_lines(data: bytes) -> tuple[bytes, int]:
     return b"".join(data[a:b] for a, b in zip(starts, stops, strict=True)), int(bad.sum())
 
 
-def _pieces(data: bytes) -> Iterator[bytes]:
+def _cut_pieces(data: bytes) -> Iterator[bytes]:
     """Cut a text at ends of lines, which are left out: the numbers of all characters would not be small."""
     start = 0
     while start < len(data):

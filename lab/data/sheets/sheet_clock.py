@@ -20,7 +20,7 @@ from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DAY, LEAP_SECONDS
 from lab.data.checks.log_check import is_explained
 from lab.data.clock.coarse_stamps import distribute_stamps
-from lab.data.clock.faults import continued
+from lab.data.clock.faults import continue_times
 from lab.data.clock.limits import LIMITS
 from lab.data.clock.stamps import (
     IS_AMBIGUOUS,
@@ -105,7 +105,7 @@ class Clock(NamedTuple):
         return f"Time of the {what}: {self.column}, in {self.unit}{how}.{note}"
 
 
-def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool = True) -> Clock | None:
+def find_clock(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool = True) -> Clock | None:
     """Return the time stamps of a sheet; None if no column has them.
 
     Parameters
@@ -119,7 +119,7 @@ def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool
     ordered
         Whether only a column counts that goes forward in most rows, and samples of one stamp are spread.
     """
-    clock = _as_written(sheet, fast, wanted, ordered)
+    clock = _read_written_clock(sheet, fast, wanted, ordered)
     if clock is None or not ordered:
         return clock
     named = max(
@@ -133,7 +133,7 @@ def clock_of(sheet: Sheet, fast: bool, wanted: Sequence[str] = (), ordered: bool
     return clock._replace(time=time, note=note)
 
 
-def _as_written(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) -> Clock | None:
+def _read_written_clock(sheet: Sheet, fast: bool, wanted: Sequence[str], ordered: bool) -> Clock | None:
     fraction = next((pair for pair in sheet.all_of("time") if _is_fraction(*pair)), None)
     if fraction is None:
         return _of_column(sheet, fast, wanted, ordered, None)
@@ -158,7 +158,7 @@ def _of_column(
     seconds, fractions = sheet.all_of("seconds"), sheet.all_of("fraction")
     if seconds and fractions:
         (whole, a), (part, b) = seconds[0], fractions[0]
-        return _leaping(Clock(a + b * 1e-9, f"{whole.text} + {part.text}", "s + ns", False), False)
+        return _add_leap_second(Clock(a + b * 1e-9, f"{whole.text} + {part.text}", "s + ns", False), False)
     parts, used = _of_parts(sheet)
     # A counter beside is finer than the parts, which often have whole seconds.
     candidates = [
@@ -182,16 +182,16 @@ def _of_column(
             return _of_text(sheet, heading, values)
         may_be_of_day = heading.unit in ("", "s")
         if may_be_of_day and (of_day := seconds_of_digits(values)) is not None:
-            return _leaping(Clock(of_day, heading.text, "hhmmss", False), True)
+            return _add_leap_second(Clock(of_day, heading.text, "hhmmss", False), True)
         unit = heading.unit or _guessed_unit(values[known], fast)
-        time = _onwards(values, UNITS["time"][unit])
+        time = _count_onwards(values, UNITS["time"][unit])
         if unit == "days":
             size = float(np.nanmedian(values))
             for start, (before, first, last) in _DAYS_BEFORE_1970.items():
                 if first < size < last:
                     time, unit = (values - before) * DAY, f"days since {start}"
         clock = Clock(time, heading.text, unit, not heading.unit)
-        return _leaping(clock, False) if np.median(time[known]) > SINCE_1970 else clock
+        return _add_leap_second(clock, False) if np.median(time[known]) > SINCE_1970 else clock
     return parts
 
 
@@ -220,11 +220,13 @@ def _of_parts(sheet: Sheet) -> tuple[Clock | None, list[Heading]]:
     dates = [one for name in _DATE_PARTS for one in sheet.all_of(name)[:1]]
     dated = len(dates) == len(_DATE_PARTS)
     used = [heading for heading, _ in (*(dates if dated else ()), *parts, *milliseconds)]
-    time = DAY * _days(*(values for _, values in dates)) + time if dated else continued(time, DAY, DAY / 2)
+    time = (
+        DAY * _days(*(values for _, values in dates)) + time if dated else continue_times(time, DAY, DAY / 2)
+    )
     clock = Clock(
         time, " + ".join(one.text for one in used), f"{'years' if dated else 'hours'} to seconds", False
     )
-    return _leaping(clock, not dated), used
+    return _add_leap_second(clock, not dated), used
 
 
 def _days(year: FloatArray, month: FloatArray, day: FloatArray) -> FloatArray:
@@ -246,29 +248,31 @@ def _of_text(sheet: Sheet, heading: Heading, values: FloatArray) -> Clock:
             "import the file as the logger wrote it"
         )
     if is_of_hour(text):
-        return Clock(continued(values, _HOUR, _HOUR / 2), heading.text, "minutes and seconds", False)
+        return Clock(continue_times(values, _HOUR, _HOUR / 2), heading.text, "minutes and seconds", False)
     dates = sheet.all_of("date")
-    order = _order_of(text) or (_order_of(sheet.texts.get(dates[0][0].text, "")) if dates else "")
+    order = _describe_date_order(text) or (
+        _describe_date_order(sheet.texts.get(dates[0][0].text, "")) if dates else ""
+    )
     of_day = bool(np.nanmax(values) < 2 * DAY)
     if not dates or not of_day:
         # Cells are read in parts, of which each begins at its own midnight.
-        time = continued(values, DAY, DAY / 2) if of_day else values
+        time = continue_times(values, DAY, DAY / 2) if of_day else values
         if has_zone(text):  # in UTC it may be of the day before or after
             time = time - DAY * np.floor(time[np.isfinite(time)][0] / DAY)
-        return _leaping(Clock(time, heading.text, f"text{order}", False), of_day)
+        return _add_leap_second(Clock(time, heading.text, f"text{order}", False), of_day)
     date, day = dates[0]
     changes = np.ptp(day[np.isfinite(day)]) > 0
-    time = date_and_clock(day, values) if changes else day + continued(values, DAY, DAY / 2)
-    return _leaping(Clock(time, f"{date.text} + {heading.text}", f"text{order}", False), False)
+    time = date_and_clock(day, values) if changes else day + continue_times(values, DAY, DAY / 2)
+    return _add_leap_second(Clock(time, f"{date.text} + {heading.text}", f"text{order}", False), False)
 
 
-def _leaping(clock: Clock, of_day: bool) -> Clock:
+def _add_leap_second(clock: Clock, of_day: bool) -> Clock:
     """Return a clock that counts a leap second, and says so."""
     time, leaps = over_leap_second(clock.time, of_day)
     return clock._replace(time=time, unit=f"{clock.unit} with a leap second") if leaps else clock
 
 
-def _onwards(values: FloatArray, factor: float) -> FloatArray:
+def _count_onwards(values: FloatArray, factor: float) -> FloatArray:
     """Return times [s] that go on where a counter begins again: of the day, of the week, of 32 bits.
 
     Parameters
@@ -291,10 +295,10 @@ def _onwards(values: FloatArray, factor: float) -> FloatArray:
     )
     if not period or time[known].min() < 0:
         return time
-    return continued(time, period, (1 - LIMITS.turn) * period)
+    return continue_times(time, period, (1 - LIMITS.turn) * period)
 
 
-def _order_of(text: str) -> str:
+def _describe_date_order(text: str) -> str:
     """Return what is assumed of the order of day and month; empty where it is known."""
     found = IS_AMBIGUOUS.match(text)
     both = found is not None and int(found[1]) <= _MONTHS and int(found[2]) <= _MONTHS
@@ -332,7 +336,7 @@ def offset_that_agrees(imu: FloatArray, gnss: GnssLog, read: Callable[[GnssLog],
     read
         Returns the checked log with given fixes, or raises a MissionError.
     """
-    shift = -float(np.copysign(LEAP_SECONDS, np.sum(_ends(imu, gnss))))
+    shift = -float(np.copysign(LEAP_SECONDS, np.sum(_compare_ends(imu, gnss))))
     try:
         agrees = is_explained(read(replace(gnss, time=gnss.time + shift)))
     except MissionError:
@@ -347,9 +351,9 @@ def offset_that_agrees(imu: FloatArray, gnss: GnssLog, read: Callable[[GnssLog],
     )
 
 
-def remark_on_ends(imu: FloatArray, gnss: GnssLog) -> str:
+def describe_ends(imu: FloatArray, gnss: GnssLog) -> str:
     """Return a remark if the fixes begin and end 18 s after the IMU, or both before it; empty if not."""
-    begin, end = _ends(imu, gnss)
+    begin, end = _compare_ends(imu, gnss)
     if max(abs(abs(one) - LEAP_SECONDS) for one in (begin, end)) >= _NEAR_LEAP or begin * end <= 0:
         return ""
     side = "after" if begin > 0 else "before"
@@ -360,7 +364,7 @@ def remark_on_ends(imu: FloatArray, gnss: GnssLog) -> str:
     )
 
 
-def _ends(imu: FloatArray, gnss: GnssLog) -> tuple[float, float]:
+def _compare_ends(imu: FloatArray, gnss: GnssLog) -> tuple[float, float]:
     """Return by how much the fixes begin and end after the IMU [s]."""
     fixes = gnss.time[np.isfinite(gnss.time)] - gnss.latency
     return float(fixes[0] - imu[0]), float(fixes[-1] - imu[-1])

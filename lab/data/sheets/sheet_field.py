@@ -54,7 +54,7 @@ class Found(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def field_of(sheets: Sequence[Sheet], log: SensorLog, C: FloatArray) -> Found:
+def find_magnetometer(sheets: Sequence[Sheet], log: SensorLog, C: FloatArray) -> Found:
     """Return the magnetometer of a log: the best whose field is that of the Earth.
 
     Parameters

@@ -18,10 +18,17 @@ from lab.data.files.unit_names import UNITS
 from lab.data.log.sensor_log import GnssLog
 from lab.data.rebuild.raw_flight import ColumnUnit, Reset
 from lab.data.sheets.sheet import Sheet
-from lab.data.sheets.sheet_accuracy import sigmas_of
-from lab.data.sheets.sheet_clock import Clock, clock_of
+from lab.data.sheets.sheet_accuracy import read_sigmas
+from lab.data.sheets.sheet_clock import Clock, find_clock
 from lab.data.sheets.sheet_coordinates import in_degrees, on_the_earth, refuse_radians
-from lab.data.sheets.sheet_heights import BY_SIZE, Column, column_of, doubt_of_feet, heights_of, rescaled
+from lab.data.sheets.sheet_heights import (
+    BY_SIZE,
+    Column,
+    doubt_of_feet,
+    find_column,
+    find_heights,
+    rescale_column,
+)
 from lab.data.sheets.sheet_imu import NAMED, in_order, is_of_another_device, of_odd_stamps
 from lab.motion.frames.displacement import metres_per_radian, velocity_of_positions
 from lab.motion.frames.rotation import wrap
@@ -98,7 +105,7 @@ class Fixes(NamedTuple):
     rows: NDArray[np.intp]
 
 
-def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = (), *, with_height: bool = True) -> Fixes:
+def find_fixes(sheets: Sequence[Sheet], wanted: Sequence[str] = (), *, with_height: bool = True) -> Fixes:
     """Return the fixes of the best receiver in the sheets.
 
     Parameters
@@ -120,7 +127,7 @@ def fixes_of(sheets: Sequence[Sheet], wanted: Sequence[str] = (), *, with_height
         (one, clock)
         for one in places
         # Where the samples of an IMU stand in the same rows, these are as dense as they.
-        if (clock := clock_of(one, fast=bool(one.all_of("rate")), wanted=wanted)) is not None
+        if (clock := find_clock(one, fast=bool(one.all_of("rate")), wanted=wanted)) is not None
     ]
     if not timed:
         names = ", ".join(one.name for one in sheets)
@@ -170,10 +177,10 @@ def _steps(position: FloatArray) -> ComplexArray:
 
 
 def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
-    latitude, longitude = (column_of(sheet, name) for name in ("latitude", "longitude"))
+    latitude, longitude = (find_column(sheet, name) for name in ("latitude", "longitude"))
     assert latitude is not None and longitude is not None
     latitude, longitude = on_the_earth(sheet, *in_degrees(latitude, longitude))
-    height, words = heights_of(sheet, latitude, needed=with_height)
+    height, words = find_heights(sheet, latitude, needed=with_height)
     known = np.isfinite(latitude.values) & np.isfinite(longitude.values)
     known &= np.isfinite(height.values) | (height.name == "")
     rows, time, sorted_ = in_order(np.where(known, clock.time, np.nan), "GPS")
@@ -188,7 +195,7 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
             source = f"guessed: in {latitude.unit}, the positions do not move as fast as the velocity says"
             position[:, :2] *= UNITS["angle"][unit] / UNITS["angle"][latitude.unit]
             latitude, longitude = (one._replace(unit=unit, source=source) for one in (latitude, longitude))
-    pace = column_of(sheet, "speed")
+    pace = find_column(sheet, "speed")
     pace = pace and _speed_unit(pace, rows, time, position)
     if height.source in DOUBTFUL and pace is not None and pace.unit in _HEIGHTS_BESIDE:
         unit = _HEIGHTS_BESIDE[pace.unit]
@@ -208,7 +215,7 @@ def _fixes(sheet: Sheet, clock: Clock, with_height: bool) -> Fixes:
     velocity, speed, course, units, moved = _velocity(sheet, rows, time, position)
     if clock.guessed and units and units[0].source == NAMED:
         _refuse_contradicted(sheet, clock, speed, time, position)
-    sigmas, accuracies, more = sigmas_of(sheet, rows, (height, *units), position, velocity)
+    sigmas, accuracies, more = read_sigmas(sheet, rows, (height, *units), position, velocity)
     gnss = GnssLog(time, position, velocity, sigmas[:, :3], sigmas[:, 3:], np.zeros(3), 0.0)
     used = tuple(
         ColumnUnit(one.name, one.unit, one.source)
@@ -239,9 +246,9 @@ def in_height_unit(fixes: Fixes, unit: str, factor: float) -> Fixes:
     return fixes._replace(gnss=replace(fixes.gnss, position=position), units=units, remarks=tuple(remarks))
 
 
-def pace_of(fixes: Fixes) -> FloatArray:
+def speed_of_fixes(fixes: Fixes) -> FloatArray:
     """Return the speeds of fixes [m/s], even without a course beside; NaN where unknown."""
-    speed = column_of(fixes.sheet, "speed")
+    speed = find_column(fixes.sheet, "speed")
     if speed is None:
         return fixes.speed
     return _speed_unit(speed, fixes.rows, fixes.gnss.time, fixes.gnss.position).values[fixes.rows]
@@ -265,8 +272,8 @@ def _velocity(
 ) -> tuple[FloatArray, FloatArray, FloatArray, list[Column], list[str]]:
     """Return velocity north, east, down, speed, course, the columns they are from, and a report."""
     velocity = np.full((len(rows), 3), np.nan)
-    north, east, down, up = (column_of(sheet, name) for name in ("north", "east", "down", "up"))
-    speed, course = column_of(sheet, "speed"), column_of(sheet, "course")
+    north, east, down, up = (find_column(sheet, name) for name in ("north", "east", "down", "up"))
+    speed, course = find_column(sheet, "speed"), find_column(sheet, "course")
     used: list[Column] = []
     remarks: list[str] = []
     pace, angle = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
@@ -347,7 +354,7 @@ def _of_heights(
     if unit == vertical.unit or abs(np.log(ratio / UNITS["speed"][unit])) > _LIKE_RISE:
         return vertical, []
     source = f"guessed: the heights change {ratio:.3g} times as fast as in m/s"
-    return rescaled(vertical, "speed", unit, source), []
+    return rescale_column(vertical, "speed", unit, source), []
 
 
 def _component_units(
@@ -402,7 +409,7 @@ def _unit_by_motion(
     sheet: Sheet, taken: str, rows: NDArray[np.intp], time: FloatArray, position: FloatArray
 ) -> str:
     """Return the unit in which coordinates, read in one, move as the velocity says; empty if none does."""
-    north, east, speed = (column_of(sheet, name) for name in ("north", "east", "speed"))
+    north, east, speed = (find_column(sheet, name) for name in ("north", "east", "speed"))
     if north is not None and east is not None:
         speed = north._replace(values=np.hypot(north.values, east.values))
     if speed is None or len(rows) < _MIN_LEGS or taken not in _LIKE_UNITS:
@@ -468,7 +475,7 @@ _COUNTERS = {
 }  # fmt: skip
 
 
-def resets_of(fixes: Fixes) -> tuple[tuple[Reset, ...], list[str]]:
+def find_resets(fixes: Fixes) -> tuple[tuple[Reset, ...], list[str]]:
     """Return where the counters of an estimator count a jump of the fixes, and the counters' headings."""
     found: list[Reset] = []
     names = []

@@ -9,7 +9,7 @@ from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.log.sensor_log import GnssLog
 from lab.data.sheets.sheet_imu import Imu
 from lab.motion.frames.displacement import velocity_of_positions
-from lab.motion.kinematics.running_turns import turned
+from lab.motion.kinematics.running_turns import running_attitudes
 
 _LEG = 4.0
 """Time over which the specific force is summed, against vibration and the noise of velocities [s]."""
@@ -46,7 +46,7 @@ def size_of_gravity(imu: Imu, gnss: GnssLog | None) -> float:
         return float("nan")
     at, velocity_n = at[rows], np.broadcast_to(velocity_n, (at.size, 3))[rows]
     dt = np.diff(time)[:, None]
-    total = np.cumsum(turned(samples[1:, :3] * dt)[:-1].apply(samples[1:, 3:] * dt), axis=0)
+    total = np.cumsum(running_attitudes(samples[1:, :3] * dt)[:-1].apply(samples[1:, 3:] * dt), axis=0)
     gained = np.diff([np.interp(at, time[1:], column) for column in total.T]).T
     expected = np.diff(velocity_n, axis=0)
     expected[:, 2] -= STANDARD_GRAVITY * np.diff(at)

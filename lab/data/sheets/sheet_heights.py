@@ -16,15 +16,15 @@ import numpy as np
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.data.checks.log_check import windows_of
+from lab.data.checks.log_check import find_windows
 from lab.data.checks.velocity_matching import Window, match
 from lab.data.files.fields import SEA_LEVEL
 from lab.data.files.unit_names import UNITS
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.data.log.sensor_log import SensorLog
 from lab.data.sheets.column_names import SCALARS
 from lab.data.sheets.sheet import Sheet
-from lab.motion.kinematics.running_turns import turned
+from lab.motion.kinematics.running_turns import running_attitudes
 
 _UNITS = ("m", "ft", "cm", "mm")
 """Units that loggers write heights in."""
@@ -77,7 +77,7 @@ class Column(NamedTuple):
     source: str
 
 
-def column_of(sheet: Sheet, quantity: str) -> Column | None:
+def find_column(sheet: Sheet, quantity: str) -> Column | None:
     """Return the best column of a quantity in SI units; without a unit its numbers are in the first one."""
     found = sheet.all_of(quantity)
     if not found:
@@ -92,7 +92,7 @@ def column_of(sheet: Sheet, quantity: str) -> Column | None:
     return Column(heading.text, heading.sign * values * UNITS[kind][unit], unit, source)
 
 
-def rescaled(column: Column, kind: str, unit: str, source: str) -> Column:
+def rescale_column(column: Column, kind: str, unit: str, source: str) -> Column:
     """Return a column whose numbers are in another unit than the first of its kind."""
     return column._replace(values=column.values * UNITS[kind][unit], unit=unit, source=source)
 
@@ -125,7 +125,7 @@ def doubt_of_feet(height: Column, columns: Sequence[Column]) -> tuple[str, ...]:
     )
 
 
-def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column, str]:
+def find_heights(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column, str]:
     """Return the heights [m] beside latitudes, and a sentence on them.
 
     Parameters
@@ -142,7 +142,7 @@ def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column,
     MissionError
         If there are none, and they are needed.
     """
-    found = column_of(sheet, "height")
+    found = find_column(sheet, "height")
     if found is None and needed:
         raise MissionError(
             f"{sheet.name}: no column with the height of the fixes found; accepted are headings such as "
@@ -152,7 +152,7 @@ def heights_of(sheet: Sheet, latitude: Column, *, needed: bool) -> tuple[Column,
         return Column("", np.full(len(sheet), np.nan), "m", ""), "No column with heights is found."
     height = _in_metres(found, latitude)
     if found.source == "assumed" and _SIMCONNECT.search(found.name):
-        height = rescaled(found, "length", "ft", "as SimConnect has it")
+        height = rescale_column(found, "length", "ft", "as SimConnect has it")
     above = _FROM_START if _ABOVE_START.search(height.name) else ""
     # The heights of a level drive do not show their unit.
     other = f'; --unit "{height.name}=ft" states another one' if height.source == "assumed" else ""
@@ -165,11 +165,11 @@ def _in_metres(height: Column, latitude: Column) -> Column:
     levels = np.unique(height.values[np.isfinite(height.values)])
     if levels.size >= _MIN_LEVELS and (levels % _TRANSPONDER_STEP == 0).all():
         source = "guessed: all are multiples of 25, as transponders send"
-        return rescaled(height, "length", "ft", source)
+        return rescale_column(height, "length", "ft", source)
     whole = np.nanmax(np.abs(np.nan_to_num(height.values) % 1)) == 0
     by_coordinates = latitude.unit == "1e-7°" and whole and np.nanmax(height.values) > _MAX_METRES
     if by_coordinates or np.nanmedian(np.abs(height.values)) > _HIGHEST:
-        return rescaled(height, "length", "mm", BY_SIZE)
+        return rescale_column(height, "length", "mm", BY_SIZE)
     return height
 
 
@@ -188,8 +188,8 @@ def unit_that_agrees(log: SensorLog, taken: str) -> tuple[str, float]:
     str, float
         The unit; that in which they were read if the motion shows no other one.
     """
-    log = piece(log)
-    pairs = [pair for window in windows_of(log) if (pair := _changes(log, window)) is not None]
+    log = cut_section(log)
+    pairs = [pair for window in find_windows(log) if (pair := _changes(log, window)) is not None]
     if not pairs:
         return taken, 1.0
     moved, written = (np.concatenate(columns) for columns in zip(*pairs, strict=True))
@@ -210,7 +210,7 @@ def _changes(log: SensorLog, window: Window) -> tuple[FloatArray, FloatArray] | 
     if inside.sum() < _MIN_FIXES:
         return None
     found, dt = match(window), np.diff(window.time)
-    attitude = found.C_nb * turned(window.dtheta - found.gyro_bias * dt[:, None])[:-1]
+    attitude = found.C_nb * running_attitudes(window.dtheta - found.gyro_bias * dt[:, None])[:-1]
     velocity = np.cumsum(-attitude.apply(window.dvelocity)[:, 2] - STANDARD_GRAVITY * dt)
     risen = np.append(0.0, np.cumsum(velocity * dt))
     since = time[inside] - window.time[0]

@@ -24,7 +24,7 @@ from lab.data.log.log_remarks import span_text
 from lab.data.sheets.column_names import GIVEN, VECTORS, Heading
 from lab.data.sheets.column_words import SENSORS, WORSE
 from lab.data.sheets.sheet import Sheet
-from lab.data.sheets.sheet_clock import Clock, clock_of
+from lab.data.sheets.sheet_clock import Clock, find_clock
 
 _ONE_G = (0.6, 1.6)
 """Median length of a specific force [g]: of a vehicle, a walker or a hand it is near 1."""
@@ -125,7 +125,7 @@ class Imu(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def imu_of(sheets: Sequence[Sheet]) -> Imu:
+def find_imu(sheets: Sequence[Sheet]) -> Imu:
     """Return the IMU of a log.
 
     Raises
@@ -138,8 +138,8 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     if not gyros or not forces:
         raise MissionError(_what_is_missing(sheets, bool(gyros), bool(forces)))
     force, remarks = _with_gravity(forces, triads(sheets, "gravity"))
-    gyro = _gyro(min(gyros, key=lambda one: _apart(one, force)), force)
-    time, samples, merged = _merged(gyro, force)
+    gyro = _gyro(min(gyros, key=lambda one: _differ(one, force)), force)
+    time, samples, merged = _merge_samples(gyro, force)
     for what, taken, all_ in (("gyros", gyro, gyros), ("accelerometers", force, forces)):
         if others := [
             one.place for one in all_ if one.headings != taken.headings or one.sheet is not taken.sheet
@@ -149,7 +149,7 @@ def imu_of(sheets: Sequence[Sheet]) -> Imu:
     return Imu(time, samples, gyro, force, (*lines, *remarks, *merged))
 
 
-def _apart(gyro: Triad, force: Triad) -> tuple[bool, bool]:
+def _differ(gyro: Triad, force: Triad) -> tuple[bool, bool]:
     """Return whether two sensors differ in sheet or numbers, and in the place that their headings name."""
     numbers = [_NUMBERS.findall(one.headings[0].sensor) for one in (gyro, force)]
     places = [
@@ -193,7 +193,7 @@ def triads(sheets: Sequence[Sheet], quantity: str) -> list[Triad]:
     found = []
     for sheet in sheets:
         names = dict.fromkeys(one.sensor for one in sheet.headings if one.quantity == quantity)
-        clock = clock_of(sheet, fast=True) if names else None
+        clock = find_clock(sheet, fast=True) if names else None
         for sensor in names:
             # Axes that a person names complete those of a sensor.
             axes = {
@@ -230,7 +230,7 @@ def is_of_another_device(sheet: Sheet) -> bool:
     return _ANOTHER_DEVICE.search(sheet.name) is not None
 
 
-def _scaled(triad: Triad, unit: str, source: str) -> Triad:
+def _scale_triad(triad: Triad, unit: str, source: str) -> Triad:
     factor = UNITS[VECTORS[triad.headings[0].quantity]][unit]
     return triad._replace(values=triad.values * factor, unit=unit, source=source)
 
@@ -291,17 +291,17 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             size = _length(triad) * UNITS["acceleration"][unit] / STANDARD_GRAVITY
             if _ONE_G[0] < size < _ONE_G[1] and (triad.unit or _is_steady(triad)):
                 source = triad.source if triad.unit else f"guessed: it is {size:.3g} g long"
-                return _scaled(triad, unit, source), []
+                return _scale_triad(triad, unit, source), []
     for triad in forces:
         for unit in () if triad.unit else _FORCE_UNITS:
             if size := _length_at_rest(triad, unit):
-                return _scaled(triad, unit, f"guessed: at rest it is {size:.3g} g long"), []
+                return _scale_triad(triad, unit, f"guessed: at rest it is {size:.3g} g long"), []
     bare = forces[0]
     size, unit = _length(bare), bare.unit or "m/s²"
     beside = next((one for one in gravity if one.sheet is bare.sheet), gravity[0] if gravity else None)
     if beside is not None and (factor := _gravity_factor(beside)):
-        total = _scaled(bare, unit, bare.source if bare.unit else "assumed")
-        added = _interpolated(beside.clock.time, beside.values * factor, bare.clock.time)
+        total = _scale_triad(bare, unit, bare.source if bare.unit else "assumed")
+        added = _interpolate_values(beside.clock.time, beside.values * factor, bare.clock.time)
         return total._replace(values=total.values + added), [
             f"These accelerations are without gravity; {beside.headings[0].text} to "
             f"{beside.headings[2].text} of {beside.sheet.name} was added."
@@ -322,17 +322,17 @@ def _with_gravity(forces: Sequence[Triad], gravity: Sequence[Triad]) -> tuple[Tr
             f"numbers look like {fitting[0]}, although the heading names {unit}; state the unit"
         )
     if not bare.unit and fitting and fitting[0] != unit and not gravity:
-        return _scaled(bare, fitting[0], f"{OF_MOTION}: it is {size:.3g} {fitting[0]} long"), []
+        return _scale_triad(bare, fitting[0], f"{OF_MOTION}: it is {size:.3g} {fitting[0]} long"), []
     if size * UNITS["acceleration"][unit] < _ONE_G[0] * STANDARD_GRAVITY or not _is_steady(bare):
-        raise MissionError(without_gravity(_scaled(bare, unit, "")))
+        raise MissionError(without_gravity(_scale_triad(bare, unit, "")))
     raise MissionError(
         f"{where}: the accelerometers measure {size:.3g} (median), which is gravity in none of the units "
         f"{', '.join(_FORCE_UNITS)}: the numbers may be raw counts; accepted are numbers with a unit"
-        f"{_as_counts(bare, size)}"
+        f"{_count_options(bare, size)}"
     )
 
 
-def _as_counts(force: Triad, size: float) -> str:
+def _count_options(force: Triad, size: float) -> str:
     """Return the options that make accelerations counts of a usual range of a MEMS; empty if none fits."""
     counts = min(_RAW_COUNTS, key=lambda one: abs(np.log(size / one)))
     if abs(np.log(size / counts)) > _LIKE_COUNTS or force.unit:
@@ -371,26 +371,26 @@ def _gravity_factor(gravity: Triad) -> float:
     return next((one for one in factors if _ONE_G[0] < size * one / STANDARD_GRAVITY < _ONE_G[1]), 0.0)
 
 
-def _moves(force: Triad) -> bool:
+def _is_moving(force: Triad) -> bool:
     """Return whether the specific force changes as on a vehicle in motion."""
     return float(np.nanstd(np.linalg.norm(force.values, axis=1))) > _RESTLESS
 
 
 def _gyro(gyro: Triad, force: Triad) -> Triad:
     if gyro.unit:
-        return _scaled(gyro, gyro.unit, gyro.source)
+        return _scale_triad(gyro, gyro.unit, gyro.source)
     largest = float(np.nanmax(np.abs(gyro.values)))
     if largest > _FASTEST_DEGREES and force.unit == "mg":
-        return _scaled(gyro, "m°/s", f"guessed: {largest:.3g} is too fast for °/s")
+        return _scale_triad(gyro, "m°/s", f"guessed: {largest:.3g} is too fast for °/s")
     if largest > _FASTEST:
-        return _scaled(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
+        return _scale_triad(gyro, "°/s", f"guessed: {largest:.3g} is too fast for rad/s")
     size = float(np.sqrt(np.nanmean(gyro.values**2)))
     unit, why = "rad/s", "guessed, because the accelerometers are in m/s²"
-    if force.unit in ("g", "mg") and size < _SLOW_DEGREES and _moves(force):
+    if force.unit in ("g", "mg") and size < _SLOW_DEGREES and _is_moving(force):
         why = f"guessed: {size:.2g} (rms) is too slow for °/s in motion"
     elif force.unit in ("g", "mg"):
         unit, why = "°/s", f"guessed, because the accelerometers are in {force.unit}"
-    return _scaled(gyro, unit, why)
+    return _scale_triad(gyro, unit, why)
 
 
 def in_other_unit(imu: Imu) -> Imu | None:
@@ -406,7 +406,7 @@ def in_other_unit(imu: Imu) -> Imu | None:
     return Imu(imu.time, samples, other, imu.accelerometer, (f"Gyros: {other.report}.", *imu.remarks[1:]))
 
 
-def _merged(gyro: Triad, force: Triad) -> tuple[FloatArray, FloatArray, list[str]]:
+def _merge_samples(gyro: Triad, force: Triad) -> tuple[FloatArray, FloatArray, list[str]]:
     """Return the samples at the times of the gyros."""
     if gyro.sheet is force.sheet:
         both = np.column_stack((gyro.values, force.values))
@@ -420,7 +420,7 @@ def _merged(gyro: Triad, force: Triad) -> tuple[FloatArray, FloatArray, list[str
     rate = gyro.values[rows]
     other = np.isfinite(force.values).all(axis=1)
     at, when, more = in_order(np.where(other, force.clock.time, np.nan), "accelerometers")
-    both = np.column_stack((rate, _interpolated(when, force.values[at], time)))
+    both = np.column_stack((rate, _interpolate_values(when, force.values[at], time)))
     inside = np.isfinite(both).all(axis=1)
     if not inside.any():
         raise MissionError(
@@ -433,7 +433,7 @@ def _merged(gyro: Triad, force: Triad) -> tuple[FloatArray, FloatArray, list[str
     return time[first : last + 1], both[first : last + 1], remarks
 
 
-def _interpolated(time: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
+def _interpolate_values(time: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
     """Return values at other times; NaN outside, and where they are too far apart."""
     kept = np.isfinite(values).all(axis=1) & np.isfinite(time)
     time, values = time[kept], values[kept]
@@ -460,7 +460,7 @@ def _what_is_missing(sheets: Sequence[Sheet], gyros: bool, forces: bool) -> str:
     names = ", ".join(sheet.name for sheet in sheets)
     known = sorted({one.quantity for sheet in sheets for one in sheet.headings})
     unknown = [text for sheet in sheets for text in sheet.unknown][:20]
-    untimed = [sheet.name for sheet in sheets if clock_of(sheet, fast=True) is None]
+    untimed = [sheet.name for sheet in sheets if find_clock(sheet, fast=True) is None]
     timeless = f" No column with time stamps in {', '.join(untimed)}." if untimed else ""
     timeless = of_odd_stamps(sheets) or timeless
     return (

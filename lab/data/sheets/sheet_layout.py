@@ -69,13 +69,13 @@ class Layout:
 
 def as_utf8(data: bytes) -> bytes:
     """Return a text in UTF-8 with plain ends of lines and signs, whatever it was written in."""
-    data = _decoded(data)
+    data = _decode_text(data)
     if b"\r" in data and data.count(b"\r") != data.count(b"\r\n"):  # as on an old Macintosh
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return _MINUS.sub(b"-", data)
 
 
-def _decoded(data: bytes) -> bytes:
+def _decode_text(data: bytes) -> bytes:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", "replace").encode()
     head = data[:_LOOKED_AT]
@@ -89,7 +89,7 @@ def _decoded(data: bytes) -> bytes:
     return data
 
 
-def layout_of(
+def find_layout(
     head: bytes, name: str, overrides: Overrides | None = None, profile: Profile | None = None
 ) -> Layout | None:
     """Return the header of a csv; None if no line names a quantity.
@@ -130,10 +130,12 @@ def layout_of(
                     continue
                 above = lines[place - 1] if place else b""
                 return _with_units_above(
-                    above, Layout(place, delimiter, cells, known_of(cells, profile), profile)
+                    above, Layout(place, delimiter, cells, columns_by_profile(cells, profile), profile)
                 )
             found = profile_of(name, cells)
-            layout = Layout(place, delimiter, cells, _known(cells, name, overrides or {}, found), found)
+            layout = Layout(
+                place, delimiter, cells, _known_columns(cells, name, overrides or {}, found), found
+            )
             if best is None or layout.worth > best.worth:
                 best = layout
     return _counted(best, lines[: best.line]) if best is not None and best.worth else None
@@ -213,7 +215,7 @@ def cells_of(text: str, delimiter: str) -> tuple[str, ...]:
     return tuple(cell.strip().strip("\"'\ufeff").strip() for cell in cells)
 
 
-def numbered(cells: Sequence[str]) -> list[str]:
+def number_headings(cells: Sequence[str]) -> list[str]:
     """Return headings, with their number those that stand before already: ``altitude#2``."""
     counts: Counter[str] = Counter()
     found = []
@@ -223,7 +225,7 @@ def numbered(cells: Sequence[str]) -> list[str]:
     return found
 
 
-def _known(
+def _known_columns(
     cells: Sequence[str], name: str, overrides: Overrides, profile: Profile | None
 ) -> tuple[Heading | None, ...]:
     """Return what columns are: as a person says, or a profile, or the heading.
@@ -232,13 +234,13 @@ def _known(
     """
     known: list[Heading | None] = []
     triples = _from_one(cells)
-    for cell, name_of in zip(cells, numbered(cells), strict=True):
+    for cell, name_of in zip(cells, number_headings(cells), strict=True):
         if profile is not None and plain(name_of) in profile.meanings and name_of not in overrides:
             known.append(_of_profile(name_of, profile))
         elif cell != name_of:
             known.append(None)
         elif cell in overrides:
-            known.append(_corrected(cell, overrides[cell], name))
+            known.append(_correct_heading(cell, overrides[cell], name))
         else:
             found = heading_of(triples[cell], name) if cell in triples else None
             found = replace(found, text=cell) if found else heading_of(cell, name) if cell else None
@@ -292,7 +294,7 @@ def _from_one(cells: Sequence[str]) -> dict[str, str]:
     }
 
 
-def known_of(cells: Sequence[str], profile: Profile) -> tuple[Heading | None, ...]:
+def columns_by_profile(cells: Sequence[str], profile: Profile) -> tuple[Heading | None, ...]:
     """Return what a profile alone says that columns are; the first of two counts."""
     names = [plain(cell) for cell in cells]
     return tuple(
@@ -314,7 +316,7 @@ def _of_profile(cell: str, profile: Profile) -> Heading | None:
     return found and replace(found, sensor=profile.name, source=source, rank=rank)
 
 
-def _corrected(cell: str, text: str, name: str) -> Heading | None:
+def _correct_heading(cell: str, text: str, name: str) -> Heading | None:
     """Return what a person says of a column: a quantity with its unit, or, in brackets, a unit alone."""
     if not text.startswith("["):
         return given_heading(text, cell)
@@ -375,6 +377,6 @@ def units_below(data: bytes, layout: Layout) -> tuple[dict[int, str], int]:
     return (units, start) if units and end >= 0 else ({}, 0)
 
 
-def ended(headings: Sequence[str]) -> int:
+def count_headings(headings: Sequence[str]) -> int:
     """Return how many headings there are: a logger may end its header with a delimiter, and its rows not."""
     return max(place + 1 for place, text in enumerate(headings) if text.strip())

@@ -20,7 +20,7 @@ from lab.data.log.pressure_height import ACCEPTED, PERIOD, height_of, reading_at
 from lab.data.log.sensor_log import SensorLog
 from lab.data.sheets.column_names import Heading
 from lab.data.sheets.sheet import Sheet
-from lab.data.sheets.sheet_clock import clock_of
+from lab.data.sheets.sheet_clock import find_clock
 from lab.data.sheets.sheet_imu import NAMED, is_of_another_device
 
 _GUESSED = ("hPa", "kPa", "Pa")
@@ -56,7 +56,7 @@ class Found(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def barometer_of(sheets: Sequence[Sheet], log: SensorLog) -> Found:
+def find_barometer(sheets: Sequence[Sheet], log: SensorLog) -> Found:
     """Return the heights by pressure of a log.
 
     Parameters
@@ -84,7 +84,7 @@ def barometer_of(sheets: Sequence[Sheet], log: SensorLog) -> Found:
 def _checked(heading: Heading, sheet: Sheet, values: FloatArray, log: SensorLog) -> Found:
     """Return one barometer, if its heights follow those of the receiver."""
     place = f"{heading.text} of {sheet.name}"
-    clock = clock_of(sheet, fast=False)
+    clock = find_clock(sheet, fast=False)
     if clock is None:
         return Found(None, ())
     size = float(np.nanmedian(values))

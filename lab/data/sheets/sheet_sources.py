@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.base.files.file_content import ZIP, unzipped
+from lab.base.files.file_content import ZIP, unzip_files
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import DAY, LEAP_SECONDS
 from lab.data.files import fit, fit_imu
 from lab.data.sheets import gnss_logger
-from lab.data.sheets.json_tables import is_json, json_tables, tables_of
+from lab.data.sheets.json_tables import is_json, json_tables, write_tables
 from lab.data.sheets.long_table import is_long, long_tables
 from lab.data.sheets.sheet_layout import as_utf8
 
@@ -69,12 +69,12 @@ _KITTI_HEADINGS = (
 """The columns of a sample (KITTI raw data, dataformat.txt); x forward, y left, z up."""
 
 
-def as_table(data: bytes) -> bytes:
+def to_csv_table(data: bytes) -> bytes:
     """Return the text of a file as a csv with a header; any other text as it is."""
     if data.startswith(b"$FLYS"):
         return _of_flysight(data)
     if gnss_logger.is_gnss_logger(data):
-        return gnss_logger.tables_of(data)
+        return gnss_logger.split_tables(data)
     if _FIT_CSV.match(data):
         return _of_fit_csv(data)
     if data.startswith(_GCSV):
@@ -131,7 +131,7 @@ def _of_fit_csv(data: bytes) -> bytes:
         if kind == "Data" and message == "record":
             triples = zip(cells[::3], cells[1::3], cells[2::3], strict=False)
             rows.append((message, {f"{name}[{unit}]": value for name, value, unit in triples if name}))
-    return next((table for _, table in tables_of(rows, len(data))), b"")
+    return next((table for _, table in write_tables(rows, len(data))), b"")
 
 
 _GCSV = (b"GYROFLOW IMU LOG", b"CAMERA IMU LOG")
@@ -215,20 +215,20 @@ def tables_in(path: Path, data: bytes) -> list[tuple[str, bytes]]:
         return fit_imu.tables(path, data)
     if not data.startswith(ZIP):
         loose = kitti_files(path, MAX_BYTES) if KITTI_STAMP.match(data) else None
-        return [loose] if loose else parted(path.name, data)
-    found = unzipped(path, data, _wanted, MAX_BYTES)
+        return [loose] if loose else split_tables(path.name, data)
+    found = unzip_files(path, data, _wanted_files, MAX_BYTES)
     if not found:
         raise MissionError(
             f"{path}: the zip file has no {', '.join(ENDINGS)} in it; accepted are zip files of such files"
         )
     frames = [(name, text) for name, text in found if KITTI_FRAME.search(name)]
     if not frames:
-        return [one for name, text in found for one in parted(Path(name).name, text)]
+        return [one for name, text in found for one in split_tables(Path(name).name, text)]
     drive = frames[0][0].partition("/oxts/")[0].rpartition("/")[2]
     return [(drive, kitti_table([text for _, text in frames], found[-1][1]))]
 
 
-def parted(name: str, data: bytes) -> list[tuple[str, bytes]]:
+def split_tables(name: str, data: bytes) -> list[tuple[str, bytes]]:
     """Return the tables in a text whose rows are of several kinds, named by these; others as they are.
 
     Parameters
@@ -249,7 +249,7 @@ def parted(name: str, data: bytes) -> list[tuple[str, bytes]]:
     return named or [(name, data)]
 
 
-def _wanted(names: Sequence[str]) -> list[str]:
+def _wanted_files(names: Sequence[str]) -> list[str]:
     """Return the files of a zip file to read: the samples and then the times of a KITTI drive, or tables."""
     frames = sorted(filter(KITTI_FRAME.search, names))
     stamps = list(filter(KITTI_STAMPS.search, names))

@@ -20,7 +20,13 @@ from lab.base.files.mission_error import MissionError
 from lab.data.files.fields import NAMED, SEA_LEVEL, one_file
 from lab.data.files.profile import Profile, plain
 from lab.data.rebuild.raw_flight import RawFlight
-from lab.data.sheets.flight_columns import Columns, raw_flight, read_columns, recognised, refuse_no_motion
+from lab.data.sheets.flight_columns import (
+    Columns,
+    raw_flight,
+    read_columns,
+    recognises_header,
+    refuse_no_motion,
+)
 from lab.motion.frames import ecef
 
 NAME = "X-Plane Data.txt"
@@ -63,7 +69,7 @@ GROUPS = (
 """What each group to tick gives."""
 
 
-recognises = partial(recognised, profile=_PROFILE)
+recognises = partial(recognises_header, profile=_PROFILE)
 """Return whether a file has one of X-Plane's headings."""
 
 
@@ -150,5 +156,5 @@ def velocity_at_aircraft(local: FloatArray, here: FloatArray, offset: FloatArray
     level = np.column_stack((offset, np.zeros(len(here))))
     reference = ecef.displaced(here, -level)
     # North there is not quite north here.
-    reference = ecef.displaced(here, -ecef.resolved(level, reference, here) * (1.0, 1.0, 0.0))
-    return ecef.resolved(local, reference, here)
+    reference = ecef.displaced(here, -ecef.resolve_elsewhere(level, reference, here) * (1.0, 1.0, 0.0))
+    return ecef.resolve_elsewhere(local, reference, here)

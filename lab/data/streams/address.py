@@ -71,11 +71,13 @@ class Address:
             )
         found = _KIND.fullmatch(text.strip())
         if found is None or found[1] not in KINDS:
-            raise TransportError(f"{text!r} names no source{_meant(text)}; accepted are {_listed(FORMS)}")
+            raise TransportError(
+                f"{text!r} names no source{_suggest_address(text)}; accepted are {_list_words(FORMS)}"
+            )
         place, _, query = found[2].partition("?")
         if not place or not place.isprintable():
             raise TransportError(f"{text!r} names no {found[1]} source; accepted is {_form(found[1])}")
-        return cls(found[1], place, options_of(text, query, strict=bool(query)))
+        return cls(found[1], place, parse_options(text, query, strict=bool(query)))
 
     def check(self, own: Iterable[str]) -> None:
         """Refuse options that a source of this kind does not have.
@@ -94,7 +96,8 @@ class Address:
         for name in self.options:
             if name not in accepted:
                 raise TransportError(
-                    f"{self}: {name!r} is no option of a {self.kind} source; accepted are {_listed(accepted)}"
+                    f"{self}: {name!r} is no option of a {self.kind} source; accepted are "
+                    f"{_list_words(accepted)}"
                 )
 
     def number(self, name: str, usual: float, least: float, most: float, unit: str = "") -> float:
@@ -140,7 +143,7 @@ class Address:
         return f"{self.kind}:{self.place}{'?' if options else ''}{options}"
 
 
-def options_of(text: str, query: str, *, strict: bool) -> dict[str, str]:
+def parse_options(text: str, query: str, *, strict: bool) -> dict[str, str]:
     """Return the options behind the question mark of an address, which `text` is in messages.
 
     Raises
@@ -184,7 +187,7 @@ def _form(kind: str) -> str:
     return next(form for form in FORMS if form.startswith(f"{kind}:"))
 
 
-def _meant(text: str) -> str:
+def _suggest_address(text: str) -> str:
     """Return how the source is written of which a text is the bare name; empty if it is none."""
     if text.endswith(".inslab"):
         return f": a recording is replay:{text}"
@@ -193,5 +196,5 @@ def _meant(text: str) -> str:
     return ""
 
 
-def _listed(words: Iterable[str]) -> str:
+def _list_words(words: Iterable[str]) -> str:
     return ", ".join(words)

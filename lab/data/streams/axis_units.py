@@ -135,10 +135,10 @@ class AxisUnits:
         self._weigh(squares)
         said = self._units_of_force()
         if said is None:
-            self._turned(blocks[begins], mean, turn)
-            self._say("rate", self._rate, self._units_of_rate())
+            self._add_turns(blocks[begins], mean, turn)
+            self._report_units("rate", self._rate, self._units_of_rate())
         else:
-            self._say("force", self._force, said)
+            self._report_units("force", self._force, said)
 
     def _weigh(self, squares: FloatArray) -> None:
         """Count the blocks that speak for and against other units of the force."""
@@ -162,7 +162,7 @@ class AxisUnits:
         best = int(np.argmax(np.where(shown, self._wins, -1))) if shown.any() else 0
         return self._others[best] if shown.any() else None
 
-    def _turned(self, numbers: FloatArray, mean: FloatArray, turn: FloatArray) -> None:
+    def _add_turns(self, numbers: FloatArray, mean: FloatArray, turn: FloatArray) -> None:
         """Add what the turns of gravity say of the rates of each axis."""
         length = np.linalg.norm(mean, axis=1, keepdims=True)
         rows = np.column_stack((numbers, mean / np.where(length > 0, length, 1.0), turn))
@@ -201,7 +201,7 @@ class AxisUnits:
             return None
         return tuple(one or now for one, now in zip(units, self._rate, strict=True))
 
-    def _say(self, kind: str, now: list[str], units: tuple[str, ...] | None) -> None:
+    def _report_units(self, kind: str, now: list[str], units: tuple[str, ...] | None) -> None:
         """Say that the axes of a quantity have units of their own, if they do."""
         if units is None or list(units) == now:
             return

@@ -17,14 +17,22 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.data.clock.faults import usual_step
 from lab.data.clock.limits import LIMITS
-from lab.data.protocols.catalogue import DECODERS, decoder_of
+from lab.data.protocols.catalogue import DECODERS, make_decoder
 from lab.data.protocols.column_guess import advice_on_lines
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.decoder import Decoder
 from lab.data.protocols.recognition import recognise, sound_frames
-from lab.data.protocols.samples import Samples, joined
-from lab.data.protocols.text_lines import TextLines, lines_of
-from lab.data.streams.raw_recording import DATA, MAGIC, SUFFIX, RecordingError, opened, read_header, records
+from lab.data.protocols.samples import Samples, join_samples
+from lab.data.protocols.text_lines import TextLines, last_whole_lines
+from lab.data.streams.raw_recording import (
+    DATA,
+    MAGIC,
+    SUFFIX,
+    RecordingError,
+    open_recording,
+    read_header,
+    records,
+)
 from lab.data.streams.transport import Chunk, TransportError
 
 RATES = (0.1, 10_000.0)
@@ -60,11 +68,11 @@ def header_of(path: str | os.PathLike[str], **options: str) -> dict[str, Any]:
         return read_header(path)
     protocol, columns = options.get("protocol", ""), options.get("columns", "")
     if not protocol:
-        protocol = "text" if columns or options.get("column") else _recognised(path)
+        protocol = "text" if columns or options.get("column") else _recognise_protocol(path)
     return {"protocol": protocol, "columns": columns}
 
 
-def records_of(path: str | os.PathLike[str], **options: str) -> Records:
+def iterate_records(path: str | os.PathLike[str], **options: str) -> Records:
     """Yield the records of a raw recording, or of a capture, as `raw_recording.records` does.
 
     A capture is decoded as a whole first, which takes 0.2 s for a megabyte.
@@ -86,22 +94,22 @@ def records_of(path: str | os.PathLike[str], **options: str) -> Records:
     if _is_raw(path):
         return records(path)
     header, data = header_of(path, **options), _data(path)
-    columns, rate = header["columns"], rate_of(options.get("rate") or 0.0)
+    columns, rate = header["columns"], parse_rate(options.get("rate") or 0.0)
     if header["protocol"] == TextLines.name:
         decoder: Decoder = TextLines(
-            ColumnMap.of(columns) if columns else None, said_of(options.get("column", ""))
+            ColumnMap.of(columns) if columns else None, parse_said(options.get("column", ""))
         )
     else:
-        decoder = decoder_of(header["protocol"])
+        decoder = make_decoder(header["protocol"])
     parts = [decoder.feed(data[at : at + _BLOCK]) for at in range(0, len(data), _BLOCK)]
-    return _records(data, *_arrivals(path, joined([*parts, decoder.finish()]), rate))
+    return _records(data, *_arrivals(path, join_samples([*parts, decoder.finish()]), rate))
 
 
 def _is_raw(path: str | os.PathLike[str]) -> bool:
-    return Path(path).suffix == SUFFIX or _begin(path) == MAGIC
+    return Path(path).suffix == SUFFIX or _read_first_bytes(path) == MAGIC
 
 
-def said_of(text: str) -> dict[str, str]:
+def parse_said(text: str) -> dict[str, str]:
     """Return what a person says of columns or units, by heading, number or quantity: ``rate=deg/s``.
 
     Parameters
@@ -123,7 +131,7 @@ def said_of(text: str) -> dict[str, str]:
     return found
 
 
-def rate_of(value: Any) -> float:
+def parse_rate(value: Any) -> float:
     """Return a rate of samples [Hz], 0 for one that is to be found out.
 
     Raises
@@ -141,7 +149,7 @@ def rate_of(value: Any) -> float:
 
 
 def holds_samples(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file is a raw recording, or begins with samples of an IMU that `records_of` reads.
+    """Return whether a file is a raw recording, or begins with samples that `iterate_records` reads.
 
     Any table of numbers looks like samples: whoever has a reader for the format asks that first.
 
@@ -155,14 +163,14 @@ def holds_samples(path: str | os.PathLike[str]) -> bool:
     RecordingError
         If it cannot be read.
     """
-    head = _begin(path, _LOOKED_AT)
+    head = _read_first_bytes(path, _LOOKED_AT)
     found = recognise(head)
     return head.startswith(MAGIC) or bool(found and found[0].samples)
 
 
-def _begin(path: str | os.PathLike[str], size: int = len(MAGIC)) -> bytes:
+def _read_first_bytes(path: str | os.PathLike[str], size: int = len(MAGIC)) -> bytes:
     """Return the first bytes of a file."""
-    with opened(path) as file:
+    with open_recording(path) as file:
         return file.read(size)
 
 
@@ -174,19 +182,19 @@ def _data(path: str | os.PathLike[str]) -> bytes:
         raise RecordingError(
             f"{path}: has {size / 2**30:.1f} GiB; accepted are captures up to {LARGEST / 2**30:.0f} GiB"
         )
-    return _begin(path, -1)
+    return _read_first_bytes(path, -1)
 
 
-def _recognised(path: str | os.PathLike[str]) -> str:
+def _recognise_protocol(path: str | os.PathLike[str]) -> str:
     """Return the protocol of the first bytes."""
-    found = recognise(_begin(path, _LOOKED_AT))
-    if not _begin(path, 1):
+    found = recognise(_read_first_bytes(path, _LOOKED_AT))
+    if not _read_first_bytes(path, 1):
         raise RecordingError(f"{path}: the file is empty")
     if not found:
-        known = sound_frames(_begin(path, _LOOKED_AT))
+        known = sound_frames(_read_first_bytes(path, _LOOKED_AT))
         if known:
             raise RecordingError(f"{path}: {known}")
-        advice = advice_on_lines(lines_of(b"\n" + _begin(path, _LOOKED_AT)))
+        advice = advice_on_lines(last_whole_lines(b"\n" + _read_first_bytes(path, _LOOKED_AT)))
         raise RecordingError(
             f"{path}: is no raw recording of INS Lab, and no protocol is recognised in it; accepted are the "
             f"bytes of a device, as another program saved them, of the protocols {', '.join(DECODERS)}"
@@ -214,7 +222,7 @@ def _arrivals(
         if not len(samples.imu):
             raise RecordingError(
                 f"{path}: no sample is recognised in it. "
-                + advice_on_lines(lines_of(b"\n" + _begin(path, _LOOKED_AT)))
+                + advice_on_lines(last_whole_lines(b"\n" + _read_first_bytes(path, _LOOKED_AT)))
             )
         if not rate > 0:
             raise RecordingError(

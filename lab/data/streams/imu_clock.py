@@ -121,8 +121,8 @@ class ImuClock:
         if not len(rows):
             return self._none
         if np.isfinite(rows["time"][-1]):
-            device = self._unwrapped(rows["time"], arrival, wrap_period)
-            rows, device = self._once(rows, device, arrival)
+            device = self._unwrap_times(rows["time"], arrival, wrap_period)
+            rows, device = self._drop_repeated(rows, device, arrival)
             if not len(rows):
                 return self._none
             if not self.watch.distrusted:
@@ -134,7 +134,7 @@ class ImuClock:
             return self._measure_rate(rows, arrival)
         return self._by_count(rows, numbers, arrival)
 
-    def _once(self, rows: Rows, device: FloatArray, arrival: float) -> tuple[Rows, FloatArray]:
+    def _drop_repeated(self, rows: Rows, device: FloatArray, arrival: float) -> tuple[Rows, FloatArray]:
         """Return samples without those that were sent twice; see whether a bad clock runs evenly again."""
         values = np.concatenate((device[:, None], rows["rate"], rows["force"]), axis=1)
         before = np.full((1, 7), np.nan) if self._values is None else self._values
@@ -155,7 +155,7 @@ class ImuClock:
             self.rate = self.rate if self._given_rate else 0.0
         return rows, device
 
-    def _unwrapped(self, device: FloatArray, arrival: float, period: float) -> FloatArray:
+    def _unwrap_times(self, device: FloatArray, arrival: float, period: float) -> FloatArray:
         """Return times of the device's clock with the turns that it made in a silence."""
         silence = arrival - self._last_arrival
         self._last_arrival = arrival

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.counted import counted, were
+from lab.base.parameters.counted import count_noun, was_or_were
 from lab.data.clock.faults import UsualInterval, equal_runs, filled, increasing
 from lab.data.clock.limits import LIMITS
 from lab.data.clock.timed_samples import TIMED_IMU
@@ -79,13 +79,13 @@ class Counts(NamedTuple):
         found = []
         if self.spikes:
             found.append(
-                f"{counted(self.spikes, 'sample')} of the IMU with a spike, far beyond the others near, "
-                f"{were(self.spikes)} dropped."
+                f"{count_noun(self.spikes, 'sample')} of the IMU with a spike, far beyond the others near, "
+                f"{was_or_were(self.spikes)} dropped."
             )
         if self.gaps:
             found.append(
-                f"{counted(self.gaps, 'gap')} of the IMU {were(self.gaps)} filled linearly with "
-                f"{counted(self.filled, 'sample')}; the filter got large variances there."
+                f"{count_noun(self.gaps, 'gap')} of the IMU {was_or_were(self.gaps)} filled linearly with "
+                f"{count_noun(self.filled, 'sample')}; the filter got large variances there."
             )
         return tuple(found)
 
@@ -113,20 +113,20 @@ class Intake:
         rows : (n,) array of `TIMED_IMU`
             Rows in the order of their arrival.
         """
-        rows = self._usable(np.asarray(rows))
+        rows = self._usable_rows(np.asarray(rows))
         if self._back >= BACK_ROWS:
             self.restart()
         rows = self._without_repeats(self._increasing(rows))
-        yield from self._timely(self._without_spikes(rows, self._spikes.accept(_values(rows))))
+        yield from self._iterate_timely(self._without_spikes(rows, self._spikes.accept(_values(rows))))
 
-    def _timely(self, rows: NDArray[np.void]) -> Iterator[Increments]:
+    def _iterate_timely(self, rows: NDArray[np.void]) -> Iterator[Increments]:
         """Yield increments from the row before on, once the usual interval is known."""
         if np.isnan(self._usual.now):
             rows = self._waiting = np.concatenate((self._waiting, rows))
             if rows.size <= LIMITS.first_intervals:
                 return
             self._waiting = rows[:0]
-        yield from self._joined(rows)
+        yield from self._join_rows(rows)
 
     def finish(self) -> Iterator[Increments]:
         """Yield what still waits, after the last row of the stream: nothing more will decide about it."""
@@ -135,9 +135,9 @@ class Intake:
         rows = self._without_spikes(self._tail[:0], self._spikes.finish())
         rows, self._waiting = np.concatenate((self._waiting, rows)), self._waiting[:0]
         if rows.size > 1 or self._last.size:
-            yield from self._joined(rows)
+            yield from self._join_rows(rows)
 
-    def _usable(self, rows: NDArray[np.void]) -> NDArray[np.void]:
+    def _usable_rows(self, rows: NDArray[np.void]) -> NDArray[np.void]:
         good = usable_imu(rows)
         self._count(unusable=int((~good).sum()))
         return rows if good.all() else np.asarray(rows[good])
@@ -201,7 +201,7 @@ class Intake:
         self._dropped = np.append(self._dropped, rows["time"][spiky])
         return np.asarray(rows[~spiky])
 
-    def _joined(self, rows: NDArray[np.void]) -> Iterator[Increments]:
+    def _join_rows(self, rows: NDArray[np.void]) -> Iterator[Increments]:
         """Yield increments from the row before on, split where samples are missing for too long."""
         if not rows.size:
             return
@@ -221,10 +221,10 @@ class Intake:
         for end in (*(broken + 1).tolist(), rows.size):
             if end - first > 1 or begins:
                 inner = slice(first, end - 1)
-                yield self._pieces(rows[first:end], usual[inner], wide[inner], begins=begins)
+                yield self._make_increments(rows[first:end], usual[inner], wide[inner], begins=begins)
             first, begins = end, True
 
-    def _pieces(
+    def _make_increments(
         self, rows: NDArray[np.void], usual: FloatArray, wide: NDArray[np.bool_], *, begins: bool
     ) -> Increments:
         """Return the increments between rows without a break."""

@@ -11,7 +11,7 @@ from lab.data.clock.faults import increasing
 from lab.data.clock.timed_samples import NO_READINGS
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer, Series
 from lab.data.log.pressure_height import Heights
-from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repair_log
 from lab.data.log.spikes import stream_spikes
 from lab.data.protocols.samples import FIX_3D, UNSENT
 
@@ -19,7 +19,7 @@ MICROTESLA = 1e6
 """Microtesla per tesla: logs have the field in µT."""
 
 
-def log_of(
+def make_log(
     name: str,
     imu: NDArray[np.void],
     fixes: NDArray[np.void],
@@ -60,31 +60,31 @@ def log_of(
     fixes = fixes[usable_fixes(fixes)]
     fixes = fixes[increasing(fixes["time"])]
     headings = readings[np.isfinite(readings["heading"])]
-    barometer = barometer_of(imu, fixes)
+    barometer = make_barometer(imu, fixes)
     series = {} if barometer is None else {"barometer": barometer}
     auxiliary = AuxiliaryData.of_series(
-        series | series_of(readings),
+        series | make_series(readings),
         vehicle=vehicle,
-        magnetometer=magnetometer_of(imu["time"], imu["magnetic"]),
-        headings=headings_of(headings["time"], headings["heading"], headings["heading_sigma"]),
+        magnetometer=make_magnetometer(imu["time"], imu["magnetic"]),
+        headings=make_headings(headings["time"], headings["heading"], headings["heading_sigma"]),
     )
-    return repaired(
+    return repair_log(
         name,
         imu["time"].copy(),
         np.concatenate((imu["rate"], imu["force"]), axis=1),
-        gnss_of(fixes, lever_arm, latency),
+        make_gnss_log(fixes, lever_arm, latency),
         auxiliary=auxiliary,
         find_spikes=stream_spikes,
     )
 
 
-def barometer_of(imu: NDArray[np.void], fixes: NDArray[np.void]) -> Series | None:
+def make_barometer(imu: NDArray[np.void], fixes: NDArray[np.void]) -> Series | None:
     """Return the heights by pressure as those of a log; None without pressures or fixes.
 
     Parameters
     ----------
     imu, fixes
-        As of `log_of`, without the rows that are left out.
+        As of `make_log`, without the rows that are left out.
     """
     heights = Heights()
     time, height = heights.accept(imu)
@@ -94,8 +94,10 @@ def barometer_of(imu: NDArray[np.void], fixes: NDArray[np.void]) -> Series | Non
     return Series(time, height + heights.shift)
 
 
-def gnss_of(fixes: NDArray[np.void], lever_arm: FloatArray | None = None, latency: float = 0.0) -> GnssLog:
-    """Return fixes as those of a log; arguments as of `log_of`."""
+def make_gnss_log(
+    fixes: NDArray[np.void], lever_arm: FloatArray | None = None, latency: float = 0.0
+) -> GnssLog:
+    """Return fixes as those of a log; arguments as of `make_log`."""
     level, up, speed = (
         believed_sigma(fixes[name]) for name in ("horizontal_sigma", "vertical_sigma", "speed_sigma")
     )
@@ -110,7 +112,7 @@ def gnss_of(fixes: NDArray[np.void], lever_arm: FloatArray | None = None, latenc
     )
 
 
-def magnetometer_of(time: FloatArray, magnetic: FloatArray) -> Magnetometer | None:
+def make_magnetometer(time: FloatArray, magnetic: FloatArray) -> Magnetometer | None:
     """Return the measured field as that of a log; None if there is none.
 
     Parameters
@@ -129,7 +131,7 @@ def magnetometer_of(time: FloatArray, magnetic: FloatArray) -> Magnetometer | No
     return Magnetometer(time[rows].copy(), magnetic[rows] * MICROTESLA)
 
 
-def series_of(readings: NDArray[np.void]) -> dict[str, Series]:
+def make_series(readings: NDArray[np.void]) -> dict[str, Series]:
     """Return speeds [m/s] and other readings in the order of their times, by the names of the aid table."""
     found = {}
     for aid in SENT:
@@ -139,7 +141,7 @@ def series_of(readings: NDArray[np.void]) -> dict[str, Series]:
     return found
 
 
-def headings_of(time: FloatArray, heading: FloatArray, sigma: FloatArray) -> Headings | None:
+def make_headings(time: FloatArray, heading: FloatArray, sigma: FloatArray) -> Headings | None:
     """Return headings (k,) and their σ (k,) [rad] at times (k,) [s] as those of a log; None without any."""
     if not time.size:
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import time
 
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.data.streams.address import Address, computer_and_port
 from lab.data.streams.transport import Chunk
 
@@ -58,7 +58,7 @@ class UdpListener:
         """What is not listened to, in a sentence."""
         if not self.foreign:
             return ""
-        return f"Another sender sends here too: {counted(self.foreign, 'datagram')} of it not used."
+        return f"Another sender sends here too: {count_noun(self.foreign, 'datagram')} of it not used."
 
     def open(self) -> None:
         """Listen.

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from lab.data.clock.limits import LIMITS
-from lab.data.protocols.json_rows import parsed
+from lab.data.protocols.json_rows import parse_json
 from lab.data.streams.transport import Chunk
 
 SUFFIX = ".inslab"
@@ -92,8 +92,8 @@ class RawWriter:
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
         self._flushed = -float("inf")
-        self._put(MAGIC + json.dumps(known).encode() + b"\n")
-        self._settle()
+        self._write_bytes(MAGIC + json.dumps(known).encode() + b"\n")
+        self._flush_file()
 
     def accept(self, chunk: Chunk) -> None:
         """Write bytes that arrived.
@@ -108,12 +108,12 @@ class RawWriter:
             self._record(DATA, chunk.arrival, chunk.data)
         # By the own clock: the bytes may be those of a replay, which arrived long ago.
         if self._clock() - self._flushed >= FLUSH:
-            self._settle()
+            self._flush_file()
 
     def tell(self, arrival: float, event: Mapping[str, Any]) -> None:
         """Write what happened at a time, such as that the device was lost; raises as `take`."""
         self._record(EVENT, arrival, json.dumps(event).encode())
-        self._settle()
+        self._flush_file()
 
     def _record(self, kind: int, arrival: float, data: bytes) -> None:
         if self.bytes + len(data) > LARGEST:
@@ -122,9 +122,9 @@ class RawWriter:
                 f"{self.path}: has {self.bytes / 2**30:.1f} GiB and is ended; accepted are recordings up to "
                 f"{LARGEST / 2**30:.0f} GiB"
             )
-        self._put(_RECORD.pack(kind, arrival, len(data)) + data)
+        self._write_bytes(_RECORD.pack(kind, arrival, len(data)) + data)
 
-    def _put(self, data: bytes) -> None:
+    def _write_bytes(self, data: bytes) -> None:
         if self._file is None:
             raise RecordingError(f"{self.path}: the recording has ended")
         try:
@@ -133,7 +133,7 @@ class RawWriter:
             self._fail(error)
         self.bytes += len(data)
 
-    def _settle(self) -> None:
+    def _flush_file(self) -> None:
         """Hand over to the system what is written, and look at the space that is left."""
         self._flushed = self._clock()
         if self._file is None:
@@ -177,12 +177,12 @@ def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
     RecordingError
         If it cannot be read, or is none.
     """
-    with opened(path) as file:
+    with open_recording(path) as file:
         return _header(file, path)
 
 
 @contextlib.contextmanager
-def opened(path: str | os.PathLike[str]) -> Generator[BinaryIO, None, None]:
+def open_recording(path: str | os.PathLike[str]) -> Generator[BinaryIO, None, None]:
     """Open a file; raise `RecordingError` if it, or what is read of it then, cannot be read."""
     try:
         with Path(path).open("rb") as file:
@@ -203,7 +203,7 @@ def records(path: str | os.PathLike[str]) -> Generator[tuple[int, Chunk], None, 
     RecordingError
         If it cannot be read, or is none.
     """
-    with opened(path) as file:
+    with open_recording(path) as file:
         _header(file, path)
         while len(head := file.read(_RECORD.size)) == _RECORD.size:
             kind, arrival, size = _RECORD.unpack(head)
@@ -217,16 +217,16 @@ def records(path: str | os.PathLike[str]) -> Generator[tuple[int, Chunk], None, 
         return bool(head)
 
 
-def event_of(data: bytes) -> dict[str, Any]:
+def parse_event(data: bytes) -> dict[str, Any]:
     """Return the event of a record; an empty one if the record is damaged."""
-    event = parsed(data)
+    event = parse_json(data)
     return event if isinstance(event, dict) else {}
 
 
 def _header(file: BinaryIO, path: object) -> dict[str, Any]:
     if file.read(len(MAGIC)) != MAGIC:
         raise RecordingError(f"{path}: is no raw recording of this laboratory")
-    header = parsed(file.readline(_MAX_HEADER))
+    header = parse_json(file.readline(_MAX_HEADER))
     if not isinstance(header, dict):
         raise RecordingError(f"{path}: its second line is damaged")
     return header

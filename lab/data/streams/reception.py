@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.timed_samples import NO_READINGS, ReadingTimes
-from lab.data.protocols.column_map import UNITS_OF, Column, ColumnMap, ColumnMapError, spelled
+from lab.data.protocols.column_map import UNITS_OF, Column, ColumnMap, ColumnMapError, spell_unit
 from lab.data.protocols.samples import Samples
 from lab.data.protocols.text_lines import TextLines
 from lab.data.streams.axis_map import AxisMap
@@ -25,7 +25,7 @@ from lab.data.streams.axis_units import AxisUnits
 from lab.data.streams.imu_clock import ImuClock
 from lab.data.streams.stream_detector import StreamDetector
 from lab.data.streams.transport import Chunk, TransportError
-from lab.data.streams.unit_question import UnitQuestion, question_of
+from lab.data.streams.unit_question import UnitQuestion, format_question
 from lab.data.streams.vehicle_rows import NO_FIXES, NO_IMU, FixRows, VehicleRows
 
 Rows = NDArray[np.void]
@@ -157,7 +157,7 @@ class Reception:
     def question(self) -> str:
         """What a person should decide about units, in sentences; empty without a doubt."""
         contradicted = "" if self.axis_units is None else self.axis_units.sentence
-        return contradicted or question_of(self.doubt)
+        return contradicted or format_question(self.doubt)
 
     @property
     def header(self) -> dict[str, Any]:
@@ -194,7 +194,7 @@ class Reception:
         """
         if not chunk.data:
             return NO_IMU, NO_FIXES
-        return self._all_timed(self.detector.accept(chunk))
+        return self._time_all(self.detector.accept(chunk))
 
     def name_columns(self, said: Mapping[str, str]) -> tuple[Rows, Rows]:
         """Read text with columns that a person names; return the samples in bytes that were kept.
@@ -211,7 +211,7 @@ class Reception:
         """
         ColumnMap(tuple(Column.of(text) for text in said.values()))
         self._question = self.axis_units = None
-        return self._all_timed(self.detector.name_columns(said))
+        return self._time_all(self.detector.name_columns(said))
 
     def answer(self, unit: str, why: str = "as you said") -> None:
         """Read angular rates in another unit; `taken_factor` says what those are off that were returned.
@@ -250,7 +250,7 @@ class Reception:
     def lose(self, arrival: float) -> tuple[Rows, Rows]:
         """Return the samples that were held back when the device was lost; the next come after a gap."""
         rest = self.detector.finish()
-        timed = (NO_IMU, NO_FIXES) if rest is None else self._timed(rest, arrival)
+        timed = (NO_IMU, NO_FIXES) if rest is None else self._time_samples(rest, arrival)
         self.imu.restart()
         self.fixes.clock.restart()
         self.rows.restart()
@@ -258,14 +258,14 @@ class Reception:
         self._paced = _UNPACED
         return timed
 
-    def _all_timed(self, parts: list[tuple[Samples, float]]) -> tuple[Rows, Rows]:
-        timed = [self._timed(samples, arrival) for samples, arrival in parts]
+    def _time_all(self, parts: list[tuple[Samples, float]]) -> tuple[Rows, Rows]:
+        timed = [self._time_samples(samples, arrival) for samples, arrival in parts]
         if len(timed) == 1:
             return timed[0]
         imu = np.concatenate([NO_IMU, *(one for one, _ in timed)])
         return imu, np.concatenate([NO_FIXES, *(one for _, one in timed)])
 
-    def _timed(self, samples: Samples, arrival: float) -> tuple[Rows, Rows]:
+    def _time_samples(self, samples: Samples, arrival: float) -> tuple[Rows, Rows]:
         imu, fix = NO_IMU, NO_FIXES
         if len(samples.imu):
             rows = self._in_its_time(self.rows.with_both_triads(samples.imu), arrival)
@@ -348,7 +348,7 @@ def checked_unit(kind: str, unit: str) -> str:
     """
     if kind not in UNITS_OF:
         raise ColumnMapError(f"{kind!r} is no quantity; accepted are {', '.join(UNITS_OF)}")
-    known = spelled(kind, unit)
+    known = spell_unit(kind, unit)
     if known not in UNITS_OF[kind]:
         raise ColumnMapError(
             f"{kind}: {unit!r} is no unit of it; accepted are {', '.join(UNITS_OF[kind])}, and each over a "

@@ -19,8 +19,8 @@ from lab.data.log.sensor_log import SensorLog
 from lab.data.protocols.catalogue import DECODERS
 from lab.data.protocols.column_map import UNITS_OF, ColumnMap, ColumnMapError
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.capture import header_of, holds_samples, rate_of, records_of, said_of
-from lab.data.streams.live_log import log_of
+from lab.data.streams.capture import header_of, holds_samples, iterate_records, parse_rate, parse_said
+from lab.data.streams.live_log import make_log
 from lab.data.streams.raw_recording import (
     DATA,
     DEVICE_LOST,
@@ -28,7 +28,7 @@ from lab.data.streams.raw_recording import (
     NEW_COLUMNS,
     NEW_UNIT,
     RecordingError,
-    event_of,
+    parse_event,
 )
 from lab.data.streams.reception import Reception
 from lab.data.streams.transport import TransportError
@@ -66,7 +66,7 @@ class RecordedSamples(NamedTuple):
     reading: Rows = NO_READINGS
 
 
-def reception_of(header: dict[str, Any], **options: str) -> Reception:
+def make_reception(header: dict[str, Any], **options: str) -> Reception:
     """Return the reception that goes on where a recording began.
 
     Parameters
@@ -75,7 +75,7 @@ def reception_of(header: dict[str, Any], **options: str) -> Reception:
         What the recording says of its source.
     options
         Options in place of those in the header: ``protocol``, ``columns``, ``axes``, ``rate``; and what
-        `said_of` reads: ``column`` of text, and ``unit`` of a quantity.
+        `parse_said` reads: ``column`` of text, and ``unit`` of a quantity.
 
     Raises
     ------
@@ -93,20 +93,20 @@ def reception_of(header: dict[str, Any], **options: str) -> Reception:
     axes, rate = str(known["axes"]), known["rate"] or 0.0
     columns: str | ColumnMap = str(known["columns"])
     if "columns" not in options:
-        columns = _columns_of(str(columns), header.get("doubt"))
+        columns = _header_columns(str(columns), header.get("doubt"))
     reception = Reception(
         str(known["protocol"]),
         columns,
         AxisMap.of(axes) if axes else None,
-        rate_of(rate),
-        said=said_of(options.get("column", "")),
-        units=said_of(options.get("unit", "")),
+        parse_rate(rate),
+        said=parse_said(options.get("column", "")),
+        units=parse_said(options.get("unit", "")),
     )
     reception.restore(header)
     return reception
 
 
-def _columns_of(text: str, doubt: Any) -> str | ColumnMap:
+def _header_columns(text: str, doubt: Any) -> str | ColumnMap:
     """Return the columns of a header, with the units that the rates may have."""
     if not text or not isinstance(doubt, list):
         return text
@@ -122,7 +122,7 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
     path
         The recording.
     options
-        As of `reception_of`.
+        As of `make_reception`.
 
     Raises
     ------
@@ -134,17 +134,17 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
         If a decoder of one's own fails.
     """
     header = header_of(path, **options)
-    reception = reception_of(header, **options)
+    reception = make_reception(header, **options)
     imu: list[Rows] = []
     fix, readings, arrival = [], [NO_READINGS], 0.0
-    for kind, chunk in records_of(path, **options):
+    for kind, chunk in iterate_records(path, **options):
         if kind == DATA:
             arrival = chunk.arrival
             samples, fixes = reception.accept(chunk)
         else:
-            event = event_of(chunk.data)
+            event = parse_event(chunk.data)
             try:
-                samples, fixes = _happened(reception, event, options)
+                samples, fixes = _follow_event(reception, event, options)
             except ColumnMapError as error:
                 raise RecordingError(f"{path}: {error}") from error
             if DEVICE_LOST in event:
@@ -165,14 +165,16 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
     )
 
 
-def _happened(reception: Reception, event: Mapping[str, Any], options: Collection[str]) -> tuple[Rows, Rows]:
+def _follow_event(
+    reception: Reception, event: Mapping[str, Any], options: Collection[str]
+) -> tuple[Rows, Rows]:
     """Follow what changed while it was recorded, unless an option says it; return what comes of it."""
     if NEW_AXES in event and "axes" not in options:
         reception.rows.axes = AxisMap.of(str(event[NEW_AXES]))
     if NEW_UNIT in event and "unit" not in options:
         reception.answer(str(event[NEW_UNIT]))
     if NEW_COLUMNS in event and not {"columns", "column"} & set(options):
-        return reception.name_columns(said_of(str(event[NEW_COLUMNS])))
+        return reception.name_columns(parse_said(str(event[NEW_COLUMNS])))
     return NO_IMU, NO_FIXES
 
 
@@ -201,7 +203,7 @@ def log_of_recording(
     vehicle
         Name of the vehicle, as in `lab.data.log.vehicle.VEHICLES`; empty if unknown.
     options
-        As of `reception_of`.
+        As of `make_reception`.
 
     Raises
     ------
@@ -213,12 +215,12 @@ def log_of_recording(
     found = recorded_samples(path, **options)
     remarks = []
     axes = str(found.reception.rows.axes)
-    if "axes" not in options and axes != str(reception_of(found.header, **options).rows.axes):
+    if "axes" not in options and axes != str(make_reception(found.header, **options).rows.axes):
         found = recorded_samples(path, **options, axes=axes)
         remarks.append(f"The axes were changed to {axes} while it was recorded; they are used for all of it.")
     name, arm = Path(path).name, np.array(lever_arm)
     try:
-        log = log_of(name, found.imu, found.fix, arm, vehicle=vehicle, readings=found.reading)
+        log = make_log(name, found.imu, found.fix, arm, vehicle=vehicle, readings=found.reading)
     except MissionError as error:
         raise MissionError(". ".join((str(error), *found.reception.fixes.positions))) from error
     if (found.fix["sea_level"] == 1).any():

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from lab.data.streams.address import Address
-from lab.data.streams.capture import Records, header_of, records_of
-from lab.data.streams.raw_recording import DATA, DEVICE_LOST, RecordingError, event_of
+from lab.data.streams.capture import Records, header_of, iterate_records
+from lab.data.streams.raw_recording import DATA, DEVICE_LOST, RecordingError, parse_event
 from lab.data.streams.transport import Chunk, TransportError
 
 
@@ -34,7 +34,7 @@ class Replay:
     speed
         How many times as fast; infinite for as fast as it goes.
     options
-        As of `lab.data.streams.capture.records_of`.
+        As of `lab.data.streams.capture.iterate_records`.
 
     Raises
     ------
@@ -63,11 +63,11 @@ class Replay:
         """Begin, or go on behind the place where the device was lost."""
         if self._records is None:
             try:
-                self._records = records_of(self.path, **self._options)
+                self._records = iterate_records(self.path, **self._options)
             except RecordingError as error:  # a capture without times: to come back would not help
                 self._end = str(error)
             else:
-                self._next = self._following()
+                self._next = self._next_record()
         if self._next is not None:
             self._begin = (time.monotonic(), self._next[1].arrival)
 
@@ -91,12 +91,12 @@ class Replay:
         if wait > longest:
             return Chunk(chunk.arrival, b"")
         try:
-            self._next = self._following()
+            self._next = self._next_record()
         except RecordingError as error:
             raise EOFError(str(error)) from error
         if kind == DATA:
             return chunk
-        event = event_of(chunk.data)
+        event = parse_event(chunk.data)
         if DEVICE_LOST in event:
             raise ConnectionError(str(event[DEVICE_LOST]))
         try:
@@ -105,7 +105,7 @@ class Replay:
             raise EOFError(f"{self.path}: damaged: {error}") from error
         return Chunk(chunk.arrival, b"")
 
-    def _following(self) -> tuple[int, Chunk] | None:
+    def _next_record(self) -> tuple[int, Chunk] | None:
         """Return the next record; None at the end, which may be amid a record."""
         assert self._records is not None
         try:

@@ -85,13 +85,13 @@ class Ring:
         with self._lock:
             new = imu, fix, reading
             for room, at, rows in zip(self._rooms, self._end, new, strict=True):
-                _put(room, at, rows)
+                _append_rows(room, at, rows)
             self._end = Cursor(*(at + len(rows) for at, rows in zip(self._end, new, strict=True)))
 
     def since(self, cursor: Cursor | None = None) -> Read:
         """Return what was appended after a cursor; None stands for the beginning."""
         with self._lock:
-            taken = map(_taken, self._rooms, cursor or Cursor(), self._end)
+            taken = map(_take_rows, self._rooms, cursor or Cursor(), self._end)
             (imu, fix, reading), lost = zip(*taken, strict=True)
             return Read(self._end, imu, fix, sum(lost), reading)
 
@@ -118,7 +118,7 @@ def _first_after(room: NDArray[np.void], end: int, time: float) -> int:
     return bisect.bisect_right(range(end), time, lo=max(0, end - size), key=lambda k: times[k % size])
 
 
-def _put(room: NDArray[np.void], end: int, rows: NDArray[np.void]) -> None:
+def _append_rows(room: NDArray[np.void], end: int, rows: NDArray[np.void]) -> None:
     if not len(rows):
         return
     size = len(room)
@@ -130,7 +130,7 @@ def _put(room: NDArray[np.void], end: int, rows: NDArray[np.void]) -> None:
     room[: len(rows) - first] = rows[first:]
 
 
-def _taken(room: NDArray[np.void], begin: int, end: int) -> tuple[NDArray[np.void], int]:
+def _take_rows(room: NDArray[np.void], begin: int, end: int) -> tuple[NDArray[np.void], int]:
     if begin >= end:
         return room[:0], 0
     size = len(room)

@@ -139,12 +139,12 @@ class ThinnedSamples:
         edges = np.flatnonzero(np.diff(buckets, prepend=self._bucket) != 0)
         for begin, end in zip([0, *edges], [*edges, len(imu)], strict=True):
             if begin in edges:
-                self._put()
+                self._close_bucket()
             if end > begin:
                 self._held.append(imu[begin:end])
         self._bucket = float(buckets[-1])
 
-    def _put(self) -> None:
+    def _close_bucket(self) -> None:
         """Close a bucket: two rows, of the least and the largest values, or what it has if it has no more."""
         if not self._held:
             return

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.data.streams.reception import Reception
 from lab.data.streams.transport import Chunk
 
@@ -57,7 +57,7 @@ class SampleWatch:
         if now - self._sampled <= FRUITLESS or not reception.detector.statistics.bytes:
             return ""
         if now - self._framed > FRUITLESS:
-            return f"{_unread(now - self._framed, reception)} {_question(is_serial)}"
+            return f"{_describe_unread(now - self._framed, reception)} {_question(is_serial)}"
         seen, loss = reception.detector.statistics, reception.loss
         counts = {
             "repeated": loss.repeated, "backwards": loss.backwards, "outside the limits": seen.refused,
@@ -70,12 +70,12 @@ class SampleWatch:
         )
 
 
-def _unread(seconds: float, reception: Reception) -> str:
+def _describe_unread(seconds: float, reception: Reception) -> str:
     """Return a sentence about bytes that are no frames."""
     if not reception.detector.protocol:
         return reception.detector.evidence or "Bytes come; their protocol is looked for."
     detector = reception.detector
-    seen = counted(detector.statistics.skipped, "byte")
+    seen = count_noun(detector.statistics.skipped, "byte")
     return (
         f"Bytes come, but no frame of {detector.protocol} has passed its check for {seconds:.0f} s; "
         f"{seen} belong to none."

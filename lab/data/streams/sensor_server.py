@@ -15,7 +15,7 @@ import time
 from typing import Any, Final
 from urllib.parse import quote
 
-from lab.data.protocols.json_rows import number, parsed
+from lab.data.protocols.json_rows import number, parse_json
 from lab.data.protocols.phone_line import MOST_SAMPLES, RADIANS, PhoneLine, Row
 from lab.data.streams.address import LAST_PORT
 from lab.data.streams.transport import Chunk, TransportError
@@ -129,7 +129,7 @@ class SensorServerTransport:
 
 def _add(message: str | bytes, line: PhoneLine) -> None:
     """Add a reading to a line; anything else is left out."""
-    said = parsed(message.encode() if isinstance(message, str) else message)
+    said = parse_json(message.encode() if isinstance(message, str) else message)
     if not isinstance(said, dict) or type(said.get("timestamp")) is not int:
         return
     kind, values, stamp = said.get("type"), said.get("values"), said["timestamp"]

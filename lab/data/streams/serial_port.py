@@ -112,7 +112,7 @@ class SerialPort:
         try:
             self._port = serial.Serial(self._name, self._baud, timeout=0, exclusive=True)
         except serial.SerialException as error:
-            raise OSError(f"{self._name}: {_why(error)}") from error
+            raise OSError(f"{self._name}: {_describe_error(error)}") from error
         except ValueError as error:
             raise OSError(f"{self._name}: {error}") from error
 
@@ -143,7 +143,7 @@ class SerialPort:
             port.close()
 
 
-def _why(error: Any) -> str:
+def _describe_error(error: Any) -> str:
     """Return why pyserial cannot open a port; what it says of its settings has the number in its cause."""
     cause = error.__context__
     number = error.errno or (cause.args[0] if cause is not None and cause.args else None)

@@ -25,8 +25,17 @@ from lab.data.streams.raw_recording import (
 from lab.data.streams.reception import Reception
 from lab.data.streams.ring import Cursor, Read, Ring
 from lab.data.streams.sample_watch import FirstBytes, SampleWatch
-from lab.data.streams.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status, rates_of
-from lab.data.streams.transport import Chunk, NoTransport, Pluggable, Transport, cause_of
+from lab.data.streams.source_status import (
+    ENDED,
+    LOST,
+    OPENING,
+    STALE,
+    STREAMING,
+    Event,
+    Status,
+    measure_rates,
+)
+from lab.data.streams.transport import Chunk, NoTransport, Pluggable, Transport, describe_cause
 from lab.motion.truth.growing_truth import TrueMotion
 
 SILENCE = 0.5
@@ -38,7 +47,7 @@ WAKE = 0.1
 FIRST_WAIT, LONGEST_WAIT = 0.1, 1.0
 """Waits before a lost device is opened again [s]: each twice the one before, so it is back within 2 s."""
 _LOOKED_AT = 4096, 256
-"""Samples and fixes that are looked at for rate, jitter and latency (`source_status.rates_of`)."""
+"""Samples and fixes that are looked at for rate, jitter and latency (`source_status.measure_rates`)."""
 LATEST = 512, 4096
 """Chunks that are kept to be looked at, and the bytes of each: at most 2 MB, usually a hundredth of it."""
 MOST_EVENTS = 100
@@ -115,7 +124,7 @@ class Source:
         with self._changed:
             self._changed.notify_all()
         if self._thread.ident is None:
-            self._free()
+            self._close_connection()
         elif self._thread is not threading.current_thread():
             self._thread.join()
 
@@ -178,7 +187,7 @@ class Source:
     def axes(self, axes: AxisMap) -> None:
         with self._lock:
             self._reception.rows.axes = axes
-            self._happened(f"The axes are {axes} now.")
+            self._note_event(f"The axes are {axes} now.")
             if self._writer is not None:
                 self._report({NEW_AXES: str(axes)}, self._arrival)
 
@@ -192,7 +201,7 @@ class Source:
         with self._lock:
             self._reception.rows.calibration = calibration
             words = "none" if calibration is None else calibration.words
-            self._happened(f"The calibration is now: {words}.")
+            self._note_event(f"The calibration is now: {words}.")
 
     @property
     def rescaled(self) -> int:
@@ -226,9 +235,9 @@ class Source:
             If these are no columns of an IMU.
         """
         with self._lock:
-            self._put(*self._reception.name_columns(said))
+            self._append_samples(*self._reception.name_columns(said))
             written = ";".join(f"{name}={text}" for name, text in said.items())
-            self._happened(f"The columns are {written} now.")
+            self._note_event(f"The columns are {written} now.")
             self._report({NEW_COLUMNS: written}, self._arrival)
 
     def _rescale(self) -> None:
@@ -237,7 +246,7 @@ class Source:
         if factor != 1.0:
             self._ring.scale_rates(factor)
             self._rescaled += 1
-        self._happened(self._reception.decided)
+        self._note_event(self._reception.decided)
 
     @property
     def end(self) -> Cursor:
@@ -283,7 +292,7 @@ class Source:
         reception, end, now = self._reception, self._ring.end, self._clock()
         state, sentence = self._now(now)
         # By the clock of the arrivals, which may not be the host's.
-        rates = rates_of(self._ring.last(*_LOOKED_AT), now + self._arrival - self._heard)
+        rates = measure_rates(self._ring.last(*_LOOKED_AT), now + self._arrival - self._heard)
         rate, fix_rate, jitter, latency = rates
         writer = self._writer
         path, size = (str(writer.path), writer.bytes) if writer else self._recorded
@@ -371,13 +380,13 @@ class Source:
         with self._lock:
             if path is not None and path != self.recording:
                 return None
-            writer, ended = self._writer, self._stopped()
+            writer, ended = self._writer, self._end_recording()
             if writer is not None and writer.failure:
                 self._warning = writer.failure
-                self._happened(writer.failure)
+                self._note_event(writer.failure)
             return ended
 
-    def _stopped(self) -> Path | None:
+    def _end_recording(self) -> Path | None:
         writer, self._writer = self._writer, None
         if writer is None:
             return None
@@ -393,13 +402,13 @@ class Source:
                 try:
                     self._transport.open()
                 except OSError as error:
-                    self._lose(error, opened=False)
+                    self._note_loss(error, opened=False)
                 else:
                     connected = self._heard = self._clock()
                     try:
                         self._read()
                     except OSError as error:
-                        self._lose(error, opened=True)
+                        self._note_loss(error, opened=True)
                     # Who accepts and ends at once is not asked ten times a second.
                     if self._heard > connected:
                         wait = FIRST_WAIT
@@ -412,7 +421,7 @@ class Source:
             self._set(ENDED, "Closed.")
         except EOFError as error:
             with self._lock:
-                self._put(*self._reception.lose(self._arrival))
+                self._append_samples(*self._reception.lose(self._arrival))
             self._set(ENDED, str(error) or "Nothing more will come.")
         except DecoderError as error:
             self._set(ENDED, str(error))
@@ -420,10 +429,10 @@ class Source:
             self._set(ENDED, f"The laboratory failed: {type(error).__name__}: {error}")
             raise
         finally:
-            self._free()
+            self._close_connection()
             self.stop_recording()
 
-    def _free(self) -> None:
+    def _close_connection(self) -> None:
         """Close the connection, and end what belongs to it."""
         self._transport.close()
         end = getattr(self._transport, "end", None)
@@ -447,7 +456,7 @@ class Source:
             imu, fix = self._reception.accept(chunk)
             if self._reception.decided != decided:
                 self._rescale()
-            self._put(imu, fix)
+            self._append_samples(imu, fix)
             self._tell_of_the_clock()
             if len(imu) or len(fix):
                 self._first_bytes.end()
@@ -461,7 +470,7 @@ class Source:
     def _record(self, chunk: Chunk) -> None:
         self._keep(lambda: self._writer.accept(chunk) if self._writer else None)
 
-    def _put(self, imu: Any, fix: Any) -> None:
+    def _append_samples(self, imu: Any, fix: Any) -> None:
         readings = self._reception.taken_readings()
         if len(imu) or len(fix) or len(readings):
             self._ring.append(imu, fix, readings)
@@ -475,21 +484,21 @@ class Source:
         try:
             write()
         except RecordingError as error:
-            self._stopped()
+            self._end_recording()
             self._warning = str(error)
-            self._happened(str(error))
+            self._note_event(str(error))
 
     def _report(self, event: Mapping[str, Any], now: float) -> None:
         self._keep(lambda: self._writer.tell(now, event) if self._writer else None)
 
-    def _lose(self, error: OSError, *, opened: bool) -> None:
+    def _note_loss(self, error: OSError, *, opened: bool) -> None:
         """Note that the device is gone, or not there yet."""
-        why = cause_of(error)
+        why = describe_cause(error)
         first = self._state != LOST
         self._reached |= opened
         with self._lock:
             if opened:
-                self._put(*self._reception.lose(self._arrival))
+                self._append_samples(*self._reception.lose(self._arrival))
                 self._first_bytes = FirstBytes()
                 self._tell_of_the_clock()
                 self._losses = (*self._losses, Event(self._arrival, why))[-MOST_EVENTS:]
@@ -500,14 +509,14 @@ class Source:
 
     def _tell_of_the_clock(self) -> None:
         for event in self._reception.imu.watch.new_events():
-            self._happened(event.text)
+            self._note_event(event.text)
 
-    def _happened(self, text: str) -> None:
+    def _note_event(self, text: str) -> None:
         self._events = (*self._events, Event(self._clock(), text))[-MOST_EVENTS:]
 
     def _set(self, state: str, why: str, reported: bool = True) -> None:
         self._state, self._why = state, why
         if reported:
-            self._happened(why)
+            self._note_event(why)
         with self._changed:
             self._changed.notify_all()

@@ -10,10 +10,10 @@ from lab.base.registry import find, names
 from lab.data.protocols.column_map import ColumnMapError
 from lab.data.streams.address import COMMON, Address
 from lab.data.streams.axis_map import AxisMap
-from lab.data.streams.capture import said_of
+from lab.data.streams.capture import parse_said
 from lab.data.streams.network_transports import TcpConnection, UdpListener
 from lab.data.streams.raw_recording import NEW_AXES, NEW_COLUMNS, NEW_UNIT, RecordingError
-from lab.data.streams.recorded_log import reception_of
+from lab.data.streams.recorded_log import make_reception
 from lab.data.streams.replay import Replay
 from lab.data.streams.sensor_server import SensorServerTransport
 from lab.data.streams.serial_port import SerialPort
@@ -56,10 +56,10 @@ def open_source(address: str | Address | Transport, **options: str) -> Source:
     given = {name: value for name, value in options.items() if name in COMMON and name != "name"}
     # Before a flight is simulated; what a replay goes on with is in its header.
     is_replay = isinstance(address, Replay) or (isinstance(address, Address) and address.kind == "replay")
-    reception = None if is_replay else reception_of({}, **given)
+    reception = None if is_replay else make_reception({}, **given)
     transport = _maker(address.kind)(address) if isinstance(address, Address) else address
     if reception is None:
-        reception = reception_of(transport.header if isinstance(transport, Replay) else {}, **given)
+        reception = make_reception(transport.header if isinstance(transport, Replay) else {}, **given)
     source = Source(transport, reception, {"name": options.get("name", "")})
     if isinstance(transport, Replay) and "axes" not in options:
         transport.tell = lambda event: _follow(source, event)
@@ -85,7 +85,7 @@ def _follow(source: Source, event: Mapping[str, Any]) -> None:
         if NEW_UNIT in event:
             source.answer(str(event[NEW_UNIT]))
         if NEW_COLUMNS in event:
-            source.name_columns(said_of(str(event[NEW_COLUMNS])))
+            source.name_columns(parse_said(str(event[NEW_COLUMNS])))
     except ColumnMapError as error:
         raise RecordingError(f"the recording: {error}") from error
 

@@ -124,7 +124,7 @@ class Status:
     last_lines: tuple[str, ...] = ()
 
 
-def rates_of(read: Read, now: float) -> tuple[float, float, float, float]:
+def measure_rates(read: Read, now: float) -> tuple[float, float, float, float]:
     """Return rates of the samples and fixes [Hz], jitter and latency [s] of what was read until now [s]."""
     imu = read.imu[read.imu["arrival"] > now - MEASURED]
     fix = read.fix[read.fix["arrival"] > now - MEASURED_FIXES]

@@ -9,13 +9,13 @@ from operator import add
 
 import numpy as np
 
-from lab.base.parameters.counted import counted
-from lab.data.protocols.catalogue import decoder_of
+from lab.base.parameters.counted import count_noun
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.decoder import Decoder, Statistics
 from lab.data.protocols.recognition import recognise, sound_frames
 from lab.data.protocols.samples import Samples
-from lab.data.protocols.text_lines import TextLines, lines_of
+from lab.data.protocols.text_lines import TextLines, last_whole_lines
 from lab.data.streams.transport import Chunk
 
 RECOGNISED = 1.0
@@ -70,7 +70,7 @@ class StreamDetector:
             made = TextLines(self._columns, self._said, self._units)
             made.follows_headers |= self.found_out
             return made
-        return decoder_of(self.protocol)
+        return make_decoder(self.protocol)
 
     @property
     def statistics(self) -> Statistics:
@@ -95,7 +95,7 @@ class StreamDetector:
             return tuple(self.decoder.last) if self.decoder.is_unrecognised else ()
         if self.decoder is not None or self._tried is None:
             return ()
-        return lines_of(b"".join(one.data for one in self._first)[-_LOOKED_AT:])
+        return last_whole_lines(b"".join(one.data for one in self._first)[-_LOOKED_AT:])
 
     @property
     def wrap_period(self) -> float:
@@ -107,12 +107,12 @@ class StreamDetector:
         if self.decoder is not None and not self._again:
             return [(self.decoder.feed(chunk.data), chunk.arrival)]
         if self.decoder is not None:
-            return self._as_before(self.decoder, chunk)
+            return self._decode_as_before(self.decoder, chunk)
         self._first.append(chunk)
         self._held += len(chunk.data)
         if not self._found(chunk.arrival):
             return []
-        return self._decoded()
+        return self._decode_kept()
 
     def name_columns(self, said: Mapping[str, str]) -> list[tuple[Samples, float]]:
         """Read text with columns that a person names; return the samples in bytes that were kept.
@@ -126,7 +126,7 @@ class StreamDetector:
         self._before.bytes -= self._held
         self.protocol, self.evidence, self._columns, self._said = TextLines.name, "", None, dict(said)
         self.found_out = False
-        return self._decoded()
+        return self._decode_kept()
 
     def find_out(self) -> None:
         """Go on as if the protocol had been found out, as a recording says that it was."""
@@ -134,7 +134,7 @@ class StreamDetector:
         if isinstance(self.decoder, TextLines):
             self.decoder.follows_headers = True
 
-    def _as_before(self, decoder: Decoder, chunk: Chunk) -> list[tuple[Samples, float]]:
+    def _decode_as_before(self, decoder: Decoder, chunk: Chunk) -> list[tuple[Samples, float]]:
         """Decode what comes after a loss, unless it is of another device."""
         self._first.append(chunk)
         self._held += len(chunk.data)
@@ -146,11 +146,11 @@ class StreamDetector:
         said = self.evidence
         if self._found(chunk.arrival):
             self._again, self._columns = False, None
-            return self._decoded()
+            return self._decode_kept()
         self.evidence = said
         return [(found, chunk.arrival)]
 
-    def _decoded(self) -> list[tuple[Samples, float]]:
+    def _decode_kept(self) -> list[tuple[Samples, float]]:
         decoder = self.decoder = self._made()
         found = [(decoder.feed(one.data), one.arrival) for one in self._first]
         self._first.clear()
@@ -199,7 +199,7 @@ class StreamDetector:
         data = b"".join(one.data for one in first)
         found = recognise(data)
         if not found:
-            seen = counted(self.statistics.bytes, "byte")
+            seen = count_noun(self.statistics.bytes, "byte")
             self.evidence = sound_frames(data) or f"Nothing is recognised in {seen}."
             return False
         self.protocol, self.evidence = found[0].name, found[0].evidence

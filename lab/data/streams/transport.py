@@ -132,7 +132,7 @@ def in_words(number: int | None) -> str:
     return _WORDS.get(number, "") if number is not None else ""
 
 
-def cause_of(error: OSError) -> str:
+def describe_cause(error: OSError) -> str:
     """Return why a device cannot be opened or read, as a clause.
 
     Parameters

@@ -34,17 +34,17 @@ _holding = threading.Lock()
 
 def mark(path: Path) -> None:
     """Mark a recording that begins; raises `OSError`."""
-    _marked(path).touch()
+    _mark_path(path).touch()
 
 
 def unmark(path: Path) -> None:
     """Remove the mark of a recording: it is a mission now, or its owner was told why not."""
     release(path)
     with contextlib.suppress(OSError):
-        _marked(path).unlink()
+        _mark_path(path).unlink()
 
 
-def hold(path: Path) -> bool:
+def hold_recording(path: Path) -> bool:
     """Take an unfinished recording until `unmark` or `release`.
 
     Returns
@@ -56,7 +56,7 @@ def hold(path: Path) -> bool:
         if path in _held:
             return False
         try:
-            file = _marked(path).open("r+b")
+            file = _mark_path(path).open("r+b")
         except OSError:
             return False
         try:
@@ -86,7 +86,7 @@ def discard(path: Path) -> DeletedFiles:
     OSError
         If it cannot be deleted, or somebody makes a mission of it.
     """
-    if not hold(path):
+    if not hold_recording(path):
         raise OSError(errno.EBUSY, "a mission is made of it")
     try:
         deleted = DeletedFiles.taken(path.name, path.parent, [path] if path.exists() else [])
@@ -97,7 +97,7 @@ def discard(path: Path) -> DeletedFiles:
     return deleted
 
 
-def bring_back(deleted: DeletedFiles, path: Path) -> None:
+def restore_recording(deleted: DeletedFiles, path: Path) -> None:
     """Bring a recording back that was discarded; raises `MissionError` or `OSError`."""
     deleted.restore()
     mark(path)
@@ -130,7 +130,7 @@ class UnfinishedRecordings:
             except OSError:  # it was never begun, or somebody deleted it
                 unmark(path)
                 continue
-            if path not in running and time.time() - changed > RUNS and hold(path):
+            if path not in running and time.time() - changed > RUNS and hold_recording(path):
                 release(path)
                 found.append((changed, path))
         return [path for _, path in sorted(found, reverse=True)]
@@ -150,5 +150,5 @@ class UnfinishedRecordings:
         self._folder, self._entries = (folder if settled else None), entries
 
 
-def _marked(path: Path) -> Path:
+def _mark_path(path: Path) -> Path:
     return path.with_name(path.name + MARK)

@@ -134,7 +134,7 @@ class UnitQuestion:
         return self.units[best] if ratios[best] < LIMITS.apart else ""
 
 
-def question_of(doubt: tuple[str, ...]) -> str:
+def format_question(doubt: tuple[str, ...]) -> str:
     """Return the doubt about the unit of the angular rates in a sentence; empty without one."""
     if not doubt:
         return ""

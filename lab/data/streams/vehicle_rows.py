@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import Flags, FloatArray
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.faults import increasing
 from lab.data.clock.limits import LIMITS
@@ -83,7 +83,7 @@ class VehicleRows:
         made = np.empty(len(rows), TIMED_IMU)
         made["time"], made["arrival"], made["gap"] = times, arrival, gap
         known = self.calibration
-        seen = rows if known is None else _calibrated(rows, known, self.axes)
+        seen = rows if known is None else _calibrate_rows(rows, known, self.axes)
         made["rate"] = self.axes.mapped(seen["rate"])
         made["force"] = self.axes.mapped(seen["force"], force=True)
         made["magnetic"] = self.axes.mapped(seen["magnetic"])
@@ -95,7 +95,7 @@ class VehicleRows:
         return made
 
 
-def _calibrated(rows: Rows, known: Calibration, axes: AxisMap) -> Rows:
+def _calibrate_rows(rows: Rows, known: Calibration, axes: AxisMap) -> Rows:
     """Return a copy of rows without the errors of a calibration, in the axes of the device."""
     rows = rows.copy()
     if known.gyro is not None:
@@ -132,7 +132,7 @@ class FixRows:
         total = self._kinds.total()
         left_out = {kind: f"not used: {reason}" for kind, reason in UNMEASURED.items()}
         return tuple(
-            f"{self._kinds[kind]} of {counted(total, 'position')} are {words}."
+            f"{self._kinds[kind]} of {count_noun(total, 'position')} are {words}."
             for kind, words in (NAMED | left_out).items()
             if self._kinds[kind]
         )

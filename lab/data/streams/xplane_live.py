@@ -15,7 +15,7 @@ import numpy as np
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.mission_error import MissionError
-from lab.base.parameters.counted import counted, were
+from lab.base.parameters.counted import count_noun, was_or_were
 from lab.data.files.fields import NAMED, SEA_LEVEL
 from lab.data.protocols import xplane
 from lab.data.protocols.xplane import FIELDS, REFERENCES, Position, XPlanePackets
@@ -240,7 +240,7 @@ class XPlaneRecorder:
             return self._failure
         silence = self._link.silence
         if silence and self._link.foreign:
-            return f"{silence} {counted(self._link.foreign, 'packet')} came from elsewhere."
+            return f"{silence} {count_noun(self._link.foreign, 'packet')} came from elsewhere."
         return silence
 
     def start(self) -> None:
@@ -275,7 +275,8 @@ class XPlaneRecorder:
         self.close()
         if self.samples < MIN_SAMPLES:
             raise MissionError(
-                f"{self._link.where}: {counted(self.samples, 'sample')} {were(self.samples)} received; "
+                f"{self._link.where}: {count_noun(self.samples, 'sample')} {was_or_were(self.samples)} "
+                "received; "
                 f"accepted are at least {MIN_SAMPLES}"
                 f"{f'. {problem}' if problem else ''}"
             )
@@ -283,7 +284,7 @@ class XPlaneRecorder:
         remarks = []
         if self._link.foreign or self._packets.ignored:
             remarks.append(
-                f"{counted(self._link.foreign, 'packet')} from elsewhere and {self._packets.ignored} of "
+                f"{count_noun(self._link.foreign, 'packet')} from elsewhere and {self._packets.ignored} of "
                 "other kinds were ignored."
             )
         return flight(bytes(self._records), self._arrivals, self._values, remarks)
@@ -359,7 +360,7 @@ def flight(
         remarks.append(
             "X-Plane did not send its own clock: time is that of arrival at this computer, which jitters."
         )
-    kept, dropped = _believable(known, timed)
+    kept, dropped = _mask_believable(known, timed)
     known = {name: column[kept] for name, column in known.items()}
     return RawFlight(
         format=NAME,
@@ -381,9 +382,9 @@ def flight(
     )
 
 
-def _believable(known: dict[str, FloatArray], timed: Flags) -> tuple[Flags, tuple[Dropped, ...]]:
+def _mask_believable(known: dict[str, FloatArray], timed: Flags) -> tuple[Flags, tuple[Dropped, ...]]:
     """Return which samples have a clock and possible numbers, and the report on the others."""
-    believed = timed & xplane.within(known)
+    believed = timed & xplane.mask_possible(known)
     unclocked = Dropped.of("without the simulator's clock", ~timed)
     if believed.sum() < MIN_SAMPLES:
         raise MissionError(

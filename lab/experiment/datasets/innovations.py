@@ -90,7 +90,7 @@ def consistency(run: Run) -> xr.Dataset:
     x = error_state(solution, samples, truth, run.true_bias, scale, further)
     nees = _of_used_fixes(run, x, solution.fix_covariance)
     used = of_fixes(solution.fix_covariance, np.flatnonzero(solution.fix_sample >= 0))
-    degrees = int(statistics.uncertain(used).size) if used.size else 0
+    degrees = int(statistics.find_uncertain_states(used).size) if used.size else 0
     label = f"NEES, {degrees} degrees of freedom" if degrees else "NEES, not known"
     dataset = labelled(run, nees=(("time_gps",), nees, "", label))
     dataset.nees.attrs["degrees"] = degrees
@@ -173,9 +173,9 @@ def update_at(run: Run, time: float) -> xr.Dataset:
     """Return the update by the last fix at a time or before [s]; see `Result.update_at`."""
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
-    from lab.analysis.fix_update import directions, fix_at, fix_update  # noqa: PLC0415 - likewise
+    from lab.analysis.fix_update import directions, find_last_fix, fix_update  # noqa: PLC0415 - likewise
 
-    fix = fix_at(run, time)
+    fix = find_last_fix(run, time)
     if fix < 0 and run.fixes.time.size:
         raise ResultError(
             f"There is no fix up to {time:.6g} s: the first one is at {run.fixes.time[0]:.6g} s."

@@ -26,7 +26,13 @@ from distributed.comm.addressing import get_address_host_port
 from distributed.comm.core import CommClosedError
 
 from lab.base.blas_threads import OneBlasThread
-from lab.experiment.ensembles.parcel import Parcel, Unpacked, VersionError, check_versions, different
+from lab.experiment.ensembles.parcel import (
+    Parcel,
+    Unpacked,
+    VersionError,
+    check_versions,
+    describe_differences,
+)
 from lab.experiment.experiment import Experiment
 
 __all__ = ["Parcel", "check_client", "connected", "run_pieces"]
@@ -267,7 +273,7 @@ def _itself(parcel: Parcel) -> Parcel:
 @OneBlasThread()
 def _computed(parcel: Parcel, piece: Piece, arguments: tuple[Any, ...]) -> Any:
     """Return the result of a piece of work, on a worker."""
-    return piece(parcel.unpacked(Path(get_worker().local_directory) / "ins-lab"), *arguments)
+    return piece(parcel.unpack(Path(get_worker().local_directory) / "ins-lab"), *arguments)
 
 
 def check_client(client: Client, workers: int | None = None) -> None:
@@ -292,7 +298,7 @@ def _check_versions(client: Client, wanted: dict[str, str]) -> None:
     others = {f"worker {address}": worker for address, worker in found["workers"].items()}
     for other, answer in {"scheduler": found["scheduler"], **others}.items():
         there = answer["packages"]
-        wrong = different(
+        wrong = describe_differences(
             *({name: one.get(package) for name, package in _PACKAGES.items()} for one in (here, there))
         )
         if wrong:

@@ -35,7 +35,7 @@ from lab.experiment.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.navigation.belief import belief
 from lab.navigation.settings import NavigatorSettings
-from lab.run.provenance import ENSEMBLE, attributes_of, digest_of, facts_of, ranges_of
+from lab.run.provenance import ENSEMBLE, collect_facts, digest_arrays, netcdf_attributes, seed_ranges
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -198,7 +198,7 @@ class Ensemble(NotebookCard):
         if not trial.can_be_tried(self.verdict, self.algorithm):
             return self.verdict
         first = [self.experiment.copy().update({"seed": seed}) for seed in self.seeds[:TRIED]]
-        return trial.tried(self.verdict, [experiment.run() for experiment in first], progress)
+        return trial.try_advice(self.verdict, [experiment.run() for experiment in first], progress)
 
     @cached_property
     def innovation_verdict(self) -> Verdict:
@@ -224,7 +224,7 @@ class Ensemble(NotebookCard):
             return found
         settings = self.experiment
         P0 = None if self._navigator.alignment else belief(settings.sensors, self._navigator).P0
-        return state_advice.of_simulated(found, settings, P0)
+        return state_advice.advise_simulated(found, settings, P0)
 
     def _mean_nees_with(self, model: str) -> tuple[float, float] | None:
         """Return mean NEES over its degrees of freedom where it is largest, and with another error model."""
@@ -438,7 +438,7 @@ class Ensemble(NotebookCard):
         write_netcdf(
             Path(path),
             lambda: {name: getattr(self, name) for name in names},
-            attributes_of(self.facts, title),
+            netcdf_attributes(self.facts, title),
             overwrite=overwrite,
         )
 
@@ -448,13 +448,13 @@ class Ensemble(NotebookCard):
         figures = (self.rms, self.largest, self.most, self.mean_nees, self.mean_nis)
         flight = mission(self.experiment.mission)
         is_one = self.experiment.hidden or isinstance(flight, LogMission)
-        return facts_of(
+        return collect_facts(
             self.experiment,
             flight,
             ENSEMBLE,
             algorithm=self.algorithm or None,
-            seeds=None if is_one else ranges_of(self.seeds),
-            result_sha256=digest_of(figures),
+            seeds=None if is_one else seed_ranges(self.seeds),
+            result_sha256=digest_arrays(figures),
         )
 
     def to_dict(self, verdict: Verdict | None = None) -> dict[str, Any]:

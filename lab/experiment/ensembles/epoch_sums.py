@@ -45,7 +45,7 @@ class EpochSums:
         values : dict of str to (k, ...) array
             Its values by name; unknown ones are NaN. Every run has the same names.
         """
-        at = self._places(time)
+        at = self._find_rows(time)
         for name, value in values.items():
             if name not in self.total:
                 shape = (self.time.size, *value.shape[1:])
@@ -59,7 +59,7 @@ class EpochSums:
 
     def join(self, other: EpochSums) -> None:
         """Add the sums of other runs, which stay as they are."""
-        at = self._places(other.time)
+        at = self._find_rows(other.time)
         for mine, theirs in ((self.total, other.total), (self.count, other.count)):
             for name, values in theirs.items():
                 if name not in mine:
@@ -68,11 +68,11 @@ class EpochSums:
 
     def mean(self, name: str) -> FloatArray:
         """Return the mean over the runs at each epoch (m, ...); NaN where no run has a value."""
-        return _divided(self.total[name], self.count[name])
+        return _divide_by_count(self.total[name], self.count[name])
 
     def mean_of_all(self, name: str) -> FloatArray:
         """Return the mean over runs and epochs (...)."""
-        return _divided(self.total[name].sum(axis=0), self.count[name].sum(axis=0))
+        return _divide_by_count(self.total[name].sum(axis=0), self.count[name].sum(axis=0))
 
     def copy(self) -> Self:
         """Return the sums so far, which further runs do not change."""
@@ -82,7 +82,7 @@ class EpochSums:
             {name: values.copy() for name, values in self.count.items()},
         )
 
-    def _places(self, time: FloatArray) -> NDArray[np.intp] | slice:
+    def _find_rows(self, time: FloatArray) -> NDArray[np.intp] | slice:
         """Return the rows of some epochs, after adding rows for the new ones."""
         if np.array_equal(self.time, time):  # as of most runs, and a slice is not copied
             return slice(None)
@@ -98,5 +98,5 @@ class EpochSums:
         return at
 
 
-def _divided(total: FloatArray, count: FloatArray) -> FloatArray:
+def _divide_by_count(total: FloatArray, count: FloatArray) -> FloatArray:
     return np.asarray(np.divide(total, count, out=np.full(np.shape(total), np.nan), where=count > 0))

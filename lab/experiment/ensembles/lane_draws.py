@@ -63,7 +63,7 @@ _D = ir.VectorType(ir.DoubleType(), LANES)  # numbers of all runs
 _I = ir.IntType(64)  # a word
 
 
-def streams_of(seeds: Sequence[int], name: str) -> Streams:
+def seed_streams(seeds: Sequence[int], name: str) -> Streams:
     """Return the generators of an error source of eight runs, for `draw`; see `lab.sensors.draws.generator`.
 
     The lower halves of the states of all runs, the upper halves, those of their increments, and room for the
@@ -79,7 +79,7 @@ def streams_of(seeds: Sequence[int], name: str) -> Streams:
 
 
 @kernel
-def _hashed(value: Any, factors: NDArray[np.uint64], by: np.uint64) -> Any:
+def _hash_word(value: Any, factors: NDArray[np.uint64], by: np.uint64) -> Any:
     """Return a word of 32 bits hashed, as NumPy's `SeedSequence` does; the factor changes each time."""
     value ^= factors[0]
     factors[0] = (factors[0] * by) & _HALF
@@ -88,7 +88,7 @@ def _hashed(value: Any, factors: NDArray[np.uint64], by: np.uint64) -> Any:
 
 
 @kernel
-def _mixed(left: Any, right: Any) -> Any:
+def _mix_words(left: Any, right: Any) -> Any:
     """Return two words of 32 bits as one, as `SeedSequence` does."""
     value = (_MIX_LEFT * left - _MIX_RIGHT * right) & _HALF
     return value ^ (value >> _16)
@@ -102,15 +102,15 @@ def _seed(seeds: NDArray[np.uint64], key: int, streams: Streams) -> None:
         factors[0] = _FIRST_IN
         for place in range(4):
             entropy = (seeds[lane] >> _32 * _U(place)) & _HALF if place < 2 else _U(0)
-            pool[place] = _hashed(entropy, factors, _BY_IN)
+            pool[place] = _hash_word(entropy, factors, _BY_IN)
         for source in range(5):
             for place in range(4):
                 if source != place:
                     entropy = pool[source] if source < 4 else _U(key)
-                    pool[place] = _mixed(pool[place], _hashed(entropy, factors, _BY_IN))
+                    pool[place] = _mix_words(pool[place], _hash_word(entropy, factors, _BY_IN))
         factors[0] = _FIRST_OUT
         for place in range(8):
-            words[place] = _hashed(pool[place % 4], factors, _BY_OUT)
+            words[place] = _hash_word(pool[place % 4], factors, _BY_OUT)
         upper, low, upper_step, low_step = (
             words[0] | words[1] << _32,
             words[2] | words[3] << _32,
@@ -123,7 +123,7 @@ def _seed(seeds: NDArray[np.uint64], key: int, streams: Streams) -> None:
         streams[lane] = streams[2 * LANES + lane] + low
         carried = _U(streams[lane] < low)
         streams[LANES + lane] = streams[3 * LANES + lane] + upper + carried
-        _word(streams, lane)
+        _next_word(streams, lane)
 
 
 class LaneSeed(DrawStream):
@@ -145,13 +145,13 @@ def seeds_abreast(seeds: Sequence[int]) -> list[LaneSeed]:
     whole = [*seeds, *[seeds[-1]] * (LANES - len(seeds))]
 
     @functools.cache
-    def draws(name: str, size: int) -> FloatArray:
+    def draw_source(name: str, size: int) -> FloatArray:
         out = np.empty((LANES, size))
         if size:
-            _fill(streams_of(whole, name), np.empty(LANES), out)
+            _fill(seed_streams(whole, name), np.empty(LANES), out)
         return out
 
-    return [LaneSeed(seed, lane, draws) for lane, seed in enumerate(seeds)]
+    return [LaneSeed(seed, lane, draw_source) for lane, seed in enumerate(seeds)]
 
 
 def is_ready() -> bool:
@@ -169,7 +169,7 @@ def _fill(streams: Streams, drawn: FloatArray, out: FloatArray) -> None:
 
 
 @inline_kernel
-def _word(streams: Streams, lane: int) -> np.uint64:
+def _next_word(streams: Streams, lane: int) -> np.uint64:
     """Return the next word of a run."""
     low, upper = streams[lane], streams[LANES + lane]
     a, b = low & _HALF, low >> _32
@@ -186,11 +186,11 @@ def _word(streams: Streams, lane: int) -> np.uint64:
 @inline_kernel
 def _unit(streams: Streams, lane: int) -> float:
     """Return the next number of a run that is equally distributed from 0 to 1."""
-    return float(np.int64(_word(streams, lane) >> _11) * _UNIT)
+    return float(np.int64(_next_word(streams, lane) >> _11) * _UNIT)
 
 
 @kernel
-def _alone(streams: Streams, lane: int) -> Any:
+def _draw_alone(streams: Streams, lane: int) -> Any:
     """Return the draw of a run whose first word is known, and may not be enough."""
     word = streams[4 * LANES + lane]
     while True:
@@ -210,7 +210,7 @@ def _alone(streams: Streams, lane: int) -> Any:
         step = _HEIGHTS[layer - _1] - _HEIGHTS[layer]
         if step * _unit(streams, lane) + _HEIGHTS[layer] < math.exp(-0.5 * value * value):
             return value
-        word = _word(streams, lane)
+        word = _next_word(streams, lane)
 
 
 def _abreast(context: Any, streams: Any, out: Any, at: Any, widths: Any, limits: Any) -> Any:
@@ -269,12 +269,12 @@ _draw_abreast: Kernel = intrinsic(_abreast)
 
 @inline_kernel
 def _draw(streams: Streams, out: FloatArray, at: int) -> None:
-    """Write the next draw of each run into ``out[at : at + LANES]``; see `streams_of`."""
+    """Write the next draw of each run into ``out[at : at + LANES]``; see `seed_streams`."""
     more = _draw_abreast(streams, out, at, _WIDTHS, _LIMITS)
     if more:
         for lane in range(LANES):
             if (more >> lane) & 1:
-                out[at + lane] = _alone(streams, lane)
+                out[at + lane] = _draw_alone(streams, lane)
 
 
 def plain_draw(streams: Streams, out: FloatArray, at: int) -> None:

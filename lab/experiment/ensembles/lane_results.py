@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.budget import sigma_of_quantities
-from lab.analysis.errors import error_state, errors_of, outage_ends, path_of
+from lab.analysis.errors import choose_path_samples, compute_errors, error_state, outage_ends
 from lab.analysis.feedforward import CORRECTED
 from lab.analysis.fix_figures import FixFigures, TruthArrays
 from lab.analysis.verdicts.evidence import Evidence, between_fixes, evidence, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import may_have_outliers, offered
 from lab.analysis.verdicts.lane_evidence import Abreast, evidence_abreast, uncertain_states
 from lab.analysis.verdicts.sensor_evidence import sensor_errors, sensor_errors_abreast
-from lab.analysis.verdicts.true_motion import Exact, Reference, exacts, window_means
+from lab.analysis.verdicts.true_motion import Exact, Reference, exact_motion_in_windows, window_means
 from lab.base.arrays import FloatArray
 from lab.experiment.ensembles.lane_runs import (
     Judged,
@@ -37,8 +37,8 @@ from lab.experiment.ensembles.run_at_fixes import (
     WITHOUT_ENDS,
     ChannelSums,
     RunAtFixes,
-    figures_of,
-    most_of,
+    figures_of_run,
+    quantile_of_horizontal,
     rms_at_ends,
 )
 from lab.experiment.result import Runnable
@@ -106,12 +106,12 @@ class LaneResults:
         self._exact: tuple[Exact, Exact] | None = None
         self._span = float(self._truth.time[0]), float(self._truth.time[-1])
         time = self._truth.time
-        fixed = self._samples_of(fix_time - self._latency)
+        fixed = self._find_due_samples(fix_time - self._latency)
         seconds = whole_seconds(time)
         self._before = np.maximum(seconds - 1, 1)
         ends = np.array([0, min(1, time.size - 1), time.size - 1])
         self._outage_ends = outage_ends(time, sensors.gps.outages)
-        self._grid = path_of(time, float(self._sensors.gps.period))
+        self._grid = choose_path_samples(time, float(self._sensors.gps.period))
         stored = (
             ends,
             fixed - 1,
@@ -142,7 +142,7 @@ class LaneResults:
 
     def means(self, increments: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the mean increments (windows, 6, LANES) in the windows of the tests of the sensors."""
-        short, long = self._moved()
+        short, long = self._true_motion()
         means = window_means(increments, short)
         return means, means if long is short else window_means(increments, long)
 
@@ -195,15 +195,15 @@ class LaneResults:
                 judged.append(Judged(place, lane, one, navigated, solution, figures, means))
         alike = dict[bytes, list[Judged]]()
         for run in judged:
-            alike.setdefault(self._likeness(run, places), []).append(run)
+            alike.setdefault(self._common_key(run, places), []).append(run)
         alone = [[run] for run in alike.pop(b"", [])]
-        doubtful = set[int]().union(*(self._doubtful(group) for group in (*alike.values(), *alone)))
+        doubtful = set[int]().union(*(self._find_doubtful_runs(group) for group in (*alike.values(), *alone)))
         evidences = dict[int, Evidence | None]()
         for group in alike.values():
             sure = [run for run in group if run.place not in doubtful]
-            found = self._abreast(sure, places, increments) if sure else []
+            found = self._judge_abreast(sure, places, increments) if sure else []
             if len(sure) > 1 and None in found:  # one of them may have spoilt the others
-                found = [one for run in sure for one in self._abreast([run], places, increments)]
+                found = [one for run in sure for one in self._judge_abreast([run], places, increments)]
             evidences |= zip((run.place for run in sure), found, strict=True)
         kept = list[RunAtFixes | None]([None] * len(runs))
         for run in judged:
@@ -213,18 +213,18 @@ class LaneResults:
                 kept[run.place] = self._run(run.one, run.solution, run.figures, seconds, sums, own)
         return kept
 
-    def _samples_of(self, times: FloatArray) -> Samples:
+    def _find_due_samples(self, times: FloatArray) -> Samples:
         """Return the samples at which fixes valid at some times are due."""
         samples = np.searchsorted(self._truth.time, times - SLACK * self._ideal.dt)
         return samples[(samples > 0) & (samples < self._truth.time.size)]
 
     def _places(self, one: Sensed) -> Places:
         """Return where a run with all of its fixes is judged."""
-        fixes = np.searchsorted(self.stored, self._samples_of(one.seen.time))
+        fixes = np.searchsorted(self.stored, self._find_due_samples(one.seen.time))
         between = between_fixes(self._there.time, fixes)
         return Places(fixes, np.concatenate((self._of_before, between)))
 
-    def _doubtful(self, runs: Sequence[Judged]) -> set[int]:
+    def _find_doubtful_runs(self, runs: Sequence[Judged]) -> set[int]:
         """Return the places of the runs that may have outliers; all have as many used or rejected fixes."""
         if not runs:
             return set()
@@ -260,9 +260,9 @@ class LaneResults:
             sigma=found.sigma,
             rms=found.rms,
             largest=found.largest,
-            most=most_of(found.horizontal),
-            at_outage_ends=self._at_outage_ends(solution),
-            degrees=int(consistency.uncertain(P).size) if P.size else 0,
+            most=quantile_of_horizontal(found.horizontal),
+            at_outage_ends=self._errors_at_outage_ends(solution),
+            degrees=int(consistency.find_uncertain_states(P).size) if P.size else 0,
             nis_degrees=MEASUREMENTS,
             innovations=sums,
             span=self._span,
@@ -272,7 +272,7 @@ class LaneResults:
             algorithm="",
         )
 
-    def _likeness(self, run: Judged, places: Places) -> bytes:
+    def _common_key(self, run: Judged, places: Places) -> bytes:
         """Return what runs that are judged abreast have in common; empty for a run that is judged alone."""
         solution, fixes = run.solution, places.fixes
         regular = (
@@ -283,7 +283,7 @@ class LaneResults:
         )
         return uncertain_states(solution) if regular else b""
 
-    def _abreast(
+    def _judge_abreast(
         self, runs: Sequence[Judged], places: Places, increments: FloatArray
     ) -> list[Evidence | None]:
         """Return the evidence of runs that are alike; None of one that is judged alone."""
@@ -294,7 +294,7 @@ class LaneResults:
             ones[0].belief,
             [one.imu(self._truth.time) for one in ones],
             [self._whole_reference(one) for one in ones],
-            self._moved(),
+            self._true_motion(),
             (np.stack(short), np.stack(long)),
         )
         found = Abreast(
@@ -341,16 +341,18 @@ class LaneResults:
         """Return the figures of runs that a sweep keeps; None of one that must be run alone."""
         at = np.searchsorted(self.stored, self._grid)
         return [
-            None if run is None else figures_of(run, self._sigma(navigated.solution, at))
+            None if run is None else figures_of_run(run, self._sigma(navigated.solution, at))
             for run, (_, _, navigated) in zip(self.kept(runs, seconds), runs, strict=True)
         ]
 
-    def _at_outage_ends(self, solution: Solution) -> NDArray[Any]:
+    def _errors_at_outage_ends(self, solution: Solution) -> NDArray[Any]:
         """Return the root mean square (2, 9) of errors and σ of a run at the ends of the outages."""
         at = self._of_outage_ends
         if not at.size:
             return WITHOUT_ENDS
-        error = errors_of(solution.position[at], solution.velocity_n[at], solution.q_nb[at], self._true_ends)
+        error = compute_errors(
+            solution.position[at], solution.velocity_n[at], solution.q_nb[at], self._true_ends
+        )
         return rms_at_ends(error, self._sigma(solution, at))
 
     def _sigma(self, solution: Solution, at: NDArray[np.intp]) -> FloatArray:
@@ -370,7 +372,7 @@ class LaneResults:
         _, samples = offered(solution, one.seen, stored)
         window = self._window(samples)
         turned = fix_causes.sums_between(one.gyro.increments, *window)
-        flown = self._flown(solution, run.navigated, samples, window)
+        flown = self._motion_in_window(solution, run.navigated, samples, window)
         return evidence(
             solution,
             one.belief,
@@ -381,9 +383,13 @@ class LaneResults:
             latency=self._latency,
             explain=False,
             names=self._model.blocks,
-            motion=self._motion_of(samples, window, turned, *flown),
+            motion=self._motion_at_fixes(samples, window, turned, *flown),
             sensors=sensor_errors(
-                one.belief, one.imu(self._truth.time), self._whole_reference(one), self._moved(), run.means
+                one.belief,
+                one.imu(self._truth.time),
+                self._whole_reference(one),
+                self._true_motion(),
+                run.means,
             ),
         )
 
@@ -393,8 +399,8 @@ class LaneResults:
         """Return the motion of runs that are alike at the fixes, (runs, m, …) each."""
         window = self._window(samples)
         turned = fix_causes.sums_between(increments[:, :3], *window)[..., [run.lane for run in runs]]
-        flown = [self._flown(run.solution, run.navigated, samples, window) for run in runs]
-        return self._motion_of(
+        flown = [self._motion_in_window(run.solution, run.navigated, samples, window) for run in runs]
+        return self._motion_at_fixes(
             samples,
             window,
             np.moveaxis(turned, -1, 0),
@@ -406,7 +412,7 @@ class LaneResults:
         last = np.maximum(self.stored[samples] - 1, 0)
         return np.maximum(last - self._width, 0), last
 
-    def _flown(
+    def _motion_in_window(
         self, solution: Solution, navigated: LaneSolution, samples: Samples, window: tuple[Samples, Samples]
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return velocities at both ends of the windows before samples, attitudes, and velocities gained."""
@@ -415,7 +421,7 @@ class LaneResults:
         gained = navigated.force[np.append(samples, self.stored.size - 1)]
         return before, solution.velocity_n[here], solution.q_nb[here], gained
 
-    def _motion_of(
+    def _motion_at_fixes(
         self,
         samples: Samples,
         window: tuple[Samples, Samples],
@@ -456,7 +462,7 @@ class LaneResults:
             return bias, np.zeros((at.size, 0))
         return bias, np.concatenate((gyro.scale[at], accelerometer.scale[at]), axis=1)
 
-    def _moved(self) -> tuple[Exact, Exact]:
+    def _true_motion(self) -> tuple[Exact, Exact]:
         """Return the true motion in windows, which is that of all runs."""
         if self._exact is None:
             ideal = self._ideal
@@ -467,7 +473,7 @@ class LaneResults:
                 ideal.dvelocity,
                 temperature=self._temperature,
             )
-            self._exact = exacts(true, self._truth.time)
+            self._exact = exact_motion_in_windows(true, self._truth.time)
         return self._exact
 
     def _whole_reference(self, one: Sensed) -> Reference:

@@ -19,7 +19,7 @@ from lab.base.arrays import FloatArray
 from lab.base.cache import StageCache
 from lab.base.parameters.units import si
 from lab.experiment.ensembles import lane_draws
-from lab.experiment.ensembles.lane_draws import Streams, draw, seeds_abreast, streams_of
+from lab.experiment.ensembles.lane_draws import Streams, draw, seed_streams, seeds_abreast
 from lab.experiment.sensor_stages import SampledFlight
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels import compilation
@@ -56,7 +56,7 @@ class _Triad(NamedTuple):
     scale_by_temperature: FloatArray  # (3,)
     dvelocity: FloatArray  # specific force that acts on gyros (n, 3) [m/s], or (0, 3)
     bias_by_force: FloatArray  # (3,)
-    held: FloatArray  # mean of a step after a lag (3,), or one without a lag; see `processes.lagged`
+    held: FloatArray  # mean of a step after a lag (3,), or one without a lag; see `processes.apply_lag`
     forget: FloatArray  # what is left of a value after a sample with that lag (3,)
 
 
@@ -167,7 +167,7 @@ def triads(
     draws = imu.ImuDraws.constants(abreast, name)
     bias, M = imu.turn_on_bias(errors, draws), imu.cross_coupling(errors, draws)
     out, process = room.increments, _processes(seeds, abreast, name, errors, dt, room)
-    warmer = _warmer(errors, sensors, flight)
+    warmer = _temperature_rise(errors, sensors, flight)
     felt = si(errors, "g_sensitivity") if isinstance(errors, imu.GyroErrors) else np.zeros(3)
     cutoff = 2 * np.pi * si(errors, "bandwidth") * dt
     lags = cutoff > 0
@@ -194,7 +194,7 @@ def triads(
     varies = process.shape[2] > 0 or warmer.size > 0 or felt.any()
     shown = room.shown[first // 3] if varies else np.empty((LANES, 0, 3))
     saturated = np.zeros(LANES, dtype=np.int64)
-    streams = streams_of([seeds[lane] for lane in lanes], f"{name}.noise")
+    streams = seed_streams([seeds[lane] for lane in lanes], f"{name}.noise")
     _sense(streams, ideal, given, room.some, out.reshape(-1), first, shown, saturated)
     warming = warmer[:, None] * given.scale_by_temperature
     return [
@@ -242,7 +242,7 @@ def _flicker(seed: int, own: Seed, name: str, samples: int) -> FloatArray:
     return FLICKER.get("flicker", f"{seed} {name} {samples}", made)
 
 
-def _warmer(errors: Errors, sensors: SensorSuite, flight: SampledFlight) -> FloatArray:
+def _temperature_rise(errors: Errors, sensors: SensorSuite, flight: SampledFlight) -> FloatArray:
     """Return the temperature above that of calibration (n,) [K]; (0,) if it changes nothing."""
     if not (any(errors.bias_temperature) or any(errors.scale_temperature)):
         return np.zeros(0)
@@ -280,7 +280,7 @@ def _sense(
             _limit(count, given, part, i, saturated)
             _write(start, count, given, part, i, out, first)
         if shown.shape[1] > 0:
-            _show(start, count, given, part, shown)
+            _write_shown_bias(start, count, given, part, shown)
 
 
 @kernel
@@ -363,7 +363,7 @@ def _write(start: int, count: int, given: _Triad, part: _Part, i: int, out: Floa
 
 
 @kernel
-def _show(start: int, count: int, given: _Triad, part: _Part, shown: FloatArray) -> None:
+def _write_shown_bias(start: int, count: int, given: _Triad, part: _Part, shown: FloatArray) -> None:
     """Write the true bias of some samples as the output shows it."""
     own, dt, last = given.own, given.dt, 2 * AT_ONCE * LANES
     for lane in range(LANES):

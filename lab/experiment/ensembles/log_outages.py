@@ -68,7 +68,7 @@ def log_outages(
                 progress(f"{rows[number].name}, withholding fixes", (number + part) / len(rows))
 
         try:
-            errors, fix_sigma = _outages_of(experiment, table.seconds, table.since, tell)
+            errors, fix_sigma = _errors_of_outages(experiment, table.seconds, table.since, tell)
             rows[number] = replace(rows[number], errors=errors)
             table = replace(table, fix_sigma=fix_sigma)
         except (SettingError, DivergedError) as error:
@@ -83,7 +83,7 @@ def log_outages(
     return table
 
 
-def _outages_of(
+def _errors_of_outages(
     experiment: Experiment, seconds: float, since: FloatArray, tell: Callable[[float], None]
 ) -> tuple[OutageErrors, float]:
     """Return the errors of the outages of a filter, and σ of the fixes [m]."""
@@ -95,7 +95,7 @@ def _outages_of(
     found: list[OutageErrors] = []
     for turn, withheld in outage_turns(again.stamps, settled, last, seconds):
         tell((1 + turn) / (1 + TURNS))
-        seen = innovations_of_withheld(again, run.experiment, masked(again.stamps, withheld))
+        seen = innovations_of_withheld(again, run.experiment, mask_withheld(again.stamps, withheld))
         found += [
             _errors_of(seen.innovation, seen.covariance, again.stamps, rows, since, turn) for rows in withheld
         ]
@@ -127,21 +127,21 @@ def outage_turns(
     found = []
     for turn in range(turns):
         begins = np.arange(start + turn * seconds, end - seconds + _ROUNDING, TURNS * seconds)
-        withheld = [_fixes_of(stamps, begin, seconds) for begin in begins]
+        withheld = [_find_withheld(stamps, begin, seconds) for begin in begins]
         withheld = [rows for rows in withheld if rows.size]
         if withheld:
             found.append((turn, withheld))
     return found
 
 
-def masked(stamps: FloatArray, withheld: Sequence[Indices]) -> Flags:
+def mask_withheld(stamps: FloatArray, withheld: Sequence[Indices]) -> Flags:
     """Return the mask (m,) of the fixes that some outages withhold."""
     mask: Flags = np.zeros(stamps.size, dtype=np.bool_)
     mask[np.concatenate(withheld)] = True
     return mask
 
 
-def _fixes_of(stamps: FloatArray, begin: float, seconds: float) -> Indices:
+def _find_withheld(stamps: FloatArray, begin: float, seconds: float) -> Indices:
     """Return the fixes that an outage withholds; none if it ends without a fix, or began long before."""
     rows = np.flatnonzero((stamps >= begin) & (stamps < begin + seconds))
     if not rows.size or not rows[0]:

@@ -58,7 +58,7 @@ def times_since(seconds: float) -> FloatArray:
     return np.append(np.arange(0, seconds - _ROUNDING, step), seconds)
 
 
-def blocks_of(experiment: Experiment, seconds: float, seeds: Sequence[int], turn: int = 0) -> list[Block]:
+def plan_blocks(experiment: Experiment, seconds: float, seeds: Sequence[int], turn: int = 0) -> list[Block]:
     """Return the runs with their begins, which are spread evenly over the fixes of the flight.
 
     Parameters
@@ -87,13 +87,13 @@ def blocks_of(experiment: Experiment, seconds: float, seeds: Sequence[int], turn
             f"and in which the filter converges first; accepted is at most {int(duration - settled)} s"
         )
     count = -(-len(seeds) // min(max(len(seeds) // BEGINS, 1), LANES))
-    wanted = usable[0] + (usable[-1] - usable[0]) * (np.arange(count) + place_of(turn)) / count
+    wanted = usable[0] + (usable[-1] - usable[0]) * (np.arange(count) + offset_of_turn(turn)) / count
     begins = usable[np.abs(usable[:, None] - wanted).argmin(axis=0)]
     parts = np.array_split(np.array(seeds), count)
     return [Block(float(begin), tuple(part.tolist())) for begin, part in zip(begins, parts, strict=True)]
 
 
-def place_of(turn: int) -> float:
+def offset_of_turn(turn: int) -> float:
     """Return the place of the begins of a set between those of the others: 1/2, 1/4, 3/4, 1/8 and so on."""
     place, weight, number = 0.0, 0.5, turn + 1
     while number:
@@ -127,7 +127,7 @@ def errors_in(
     nothing: list[LaneSolution | None] = [None] * len(block.seeds)
     solved = nothing if lanes is None else lanes.during(outage, end, _ROOM).navigate(block.seeds, samples)
     figures = [
-        _alone(experiment, outage, seed, samples, truth)
+        _run_alone(experiment, outage, seed, samples, truth)
         if run is None or not np.isfinite(run.solution.variance).all()
         else _figures(run.solution.position, run.solution.variance, run.solution.covariance, truth)
         for seed, run in zip(block.seeds, solved, strict=True)
@@ -137,7 +137,7 @@ def errors_in(
     return OutageErrors(np.array(block.seeds), begins, horizontal, vertical, sigma, covariance)
 
 
-def _alone(
+def _run_alone(
     experiment: Experiment, outage: tuple[float, float], seed: int, samples: Samples, truth: Truth
 ) -> tuple[FloatArray, ...]:
     """Return the figures of a single run; infinite errors if it diverges."""

@@ -31,9 +31,9 @@ from lab.experiment.ensembles.log_outages import log_outages
 from lab.experiment.ensembles.outage_blocks import (
     SHORTEST,
     Block,
-    blocks_of,
     errors_in,
-    place_of,
+    offset_of_turn,
+    plan_blocks,
     times_since,
 )
 from lab.experiment.ensembles.seed_lanes import SeedLanes
@@ -41,8 +41,8 @@ from lab.experiment.ensembles.seeds import (
     ASKED_EVERY,
     MANY,
     at_fast_rate,
-    counted,
-    memory_of,
+    estimate_memory,
+    format_progress,
     seed_numbers,
     thread_count,
 )
@@ -126,12 +126,12 @@ def outage(
 
         cluster.check_client(client, workers)
         return work.run(numbers, functools.partial(work.run_on_cluster, client))
-    threads = at_once(max(map(memory_of, chosen)), threads)
+    threads = at_once(max(map(estimate_memory, chosen)), threads)
     with ThreadPoolExecutor(threads, thread_name_prefix="outage") as pool:
         return work.run(numbers, functools.partial(work.run_on_threads, pool))
 
 
-def matched(experiment: Experiment) -> Experiment:
+def match_filter(experiment: Experiment) -> Experiment:
     """Return a copy whose filter is matched to its sensors: it assumes their noise, and has all their states.
 
     Scales, given matrices, gates and assumed places go back to their defaults, and the filter has states for
@@ -246,7 +246,7 @@ class _Work:
             tasks = self._tasks(chosen, seeds, turn)
             self._wanted += sum(len(task.block.seeds) for task in tasks)
             run_tasks(tasks, len(seeds) * len(chosen) >= MANY)
-            chosen = self._undecided()
+            chosen = self._undecided_filters()
             if not chosen or self._is_cancelled() or self._ended:
                 break
             seeds = tuple(range(max(seeds) + 1, max(seeds) + 1 + len(seeds)))
@@ -262,9 +262,9 @@ class _Work:
         found = [
             _Task(one, (turn, number), block)
             for one in chosen
-            for number, block in enumerate(blocks_of(one.experiment, self._empty.seconds, seeds, turn))
+            for number, block in enumerate(plan_blocks(one.experiment, self._empty.seconds, seeds, turn))
         ]
-        return sorted(found, key=lambda task: place_of(task.at[1]))
+        return sorted(found, key=lambda task: offset_of_turn(task.at[1]))
 
     def run_on_threads(self, pool: ThreadPoolExecutor, tasks: Sequence[_Task], many: bool) -> None:
         """Run blocks on the threads of this computer."""
@@ -320,7 +320,7 @@ class _Work:
         self._done += len(task.block.seeds)
         self._report()
 
-    def _undecided(self) -> list[_Filter]:
+    def _undecided_filters(self) -> list[_Filter]:
         """Return the filters whose 95 % is too close to the wish."""
         wish, rows = self._empty.wish, self._table().rows
         if wish is None:
@@ -330,7 +330,7 @@ class _Work:
     def _report(self) -> None:
         now = time.monotonic()
         if self._progress is not None:
-            self._progress(counted(self._done, self._wanted, self._began), self._done / self._wanted)
+            self._progress(format_progress(self._done, self._wanted, self._began), self._done / self._wanted)
         if self._partial is not None and now - self._shown > SHOWN_EVERY:
             self._shown = now
             self._partial(self._table())
@@ -345,11 +345,13 @@ class _Work:
                 perfect = Perfect(row.most.value, "itself") if row.runs else None
                 rows[one.row] = replace(row, perfect=perfect)
             else:
-                rows[one.row] = replace(row, perfect=None if errors is None else perfect_of(errors))
+                rows[one.row] = replace(
+                    row, perfect=None if errors is None else perfect_filter_errors(errors)
+                )
         return replace(self._empty, rows=tuple(rows))
 
 
-def perfect_of(errors: OutageErrors) -> Perfect:
+def perfect_filter_errors(errors: OutageErrors) -> Perfect:
     """Return what a perfect filter leaves, of its errors: its covariance if these agree with it, or they."""
     row = OutageRow("", "", errors)
     known = np.isfinite(errors.sigma[:, -1])
@@ -363,7 +365,7 @@ def _filters(row: int, experiment: Experiment, table: OutageTable) -> list[_Filt
     """Return the filter of a row, and the perfect one on its sensors unless it is the same."""
     content = mission(experiment.mission).content_hash
     found: list[_Filter] = []
-    for is_perfect, one in enumerate((experiment, matched(experiment))):
+    for is_perfect, one in enumerate((experiment, match_filter(experiment))):
         settings = {**one.to_dict(), "seed": None}
         key = digest(content, settings, experiment.hidden, table.seconds)
         if not found or key != found[0].key:

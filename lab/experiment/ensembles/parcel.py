@@ -147,7 +147,7 @@ class Parcel:
         key = digest(settings, hashes, None if source is None else source.digest, made)
         return cls(settings, missions, source, made, key)
 
-    def unpacked(self, folder: Path) -> Unpacked:
+    def unpack(self, folder: Path) -> Unpacked:
         """Return the experiments, whose missions are in a folder; the same for each piece of the work.
 
         Raises
@@ -234,7 +234,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def different(wanted: Mapping[str, str | None], found: Mapping[str, str | None]) -> str:
+def describe_differences(wanted: Mapping[str, str | None], found: Mapping[str, str | None]) -> str:
     """Return in words how versions differ from those that are wanted; empty if they do not."""
     return ", ".join(
         f"{name} {found.get(name) or 'missing'} in place of {version}"
@@ -245,7 +245,7 @@ def different(wanted: Mapping[str, str | None], found: Mapping[str, str | None])
 
 def check_versions(wanted: Mapping[str, str]) -> None:
     """Raise `VersionError` if the versions of this process are not those that are wanted."""
-    wrong = different(wanted, versions())
+    wrong = describe_differences(wanted, versions())
     if wrong:
         raise VersionError(wrong)
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.budget import believed_sigma
-from lab.analysis.consistency import normalised_squares, uncertain
-from lab.analysis.errors import error_state, errors_of, outage_ends, path_of
+from lab.analysis.consistency import find_uncertain_states, normalised_squares
+from lab.analysis.errors import choose_path_samples, compute_errors, error_state, outage_ends
 from lab.analysis.feedforward import CORRECTED, FreeRun
 from lab.analysis.fix_causes import of_fixes
 from lab.analysis.verdicts.evidence import Evidence, position_nees, whole_seconds
 from lab.analysis.verdicts.innovation_evidence import Innovations, normalised, sizes
-from lab.analysis.verdicts.run_evidence import evidence_of, reference_of
+from lab.analysis.verdicts.run_evidence import collect_evidence, make_reference
 from lab.analysis.verdicts.sums import Squares, Sum
 from lab.base.arrays import FloatArray
 from lab.experiment.result import Result
@@ -69,7 +69,7 @@ WITHOUT_ENDS = np.full((2, 9), np.nan, dtype=np.float32)
 """What `rms_at_ends` returns of a flight without outages."""
 
 
-def most_of(horizontal: FloatArray) -> float:
+def quantile_of_horizontal(horizontal: FloatArray) -> float:
     """Return the 95 % quantile of a horizontal error (n,); NaN if it is unknown."""
     known = horizontal[np.isfinite(horizontal)]
     if not known.size:
@@ -149,7 +149,7 @@ class RunAtFixes(NamedTuple):
     algorithm: str
 
 
-def figures_of(run: RunAtFixes, sigma: FloatArray) -> FloatArray:
+def figures_of_run(run: RunAtFixes, sigma: FloatArray) -> FloatArray:
     """Return the figures of a run that a sweep keeps.
 
     These are rms, largest size and rms σ of nine errors, NEES and NIS with their degrees of freedom, and the
@@ -171,9 +171,9 @@ def figures_of(run: RunAtFixes, sigma: FloatArray) -> FloatArray:
 
 
 def figures_of_result(result: Result) -> FloatArray:
-    """Return the figures of a run that was done alone; see `figures_of`."""
-    path = path_of(result.time, float(result.experiment.sensors.gps.period))
-    return figures_of(kept_of(result, judged=False), believed_sigma(result, path)[:, :WIDE])
+    """Return the figures of a run that was done alone; see `figures_of_run`."""
+    path = choose_path_samples(result.time, float(result.experiment.sensors.gps.period))
+    return figures_of_run(keep_values(result, judged=False), believed_sigma(result, path)[:, :WIDE])
 
 
 def mean_of_known(values: FloatArray) -> float:
@@ -182,7 +182,7 @@ def mean_of_known(values: FloatArray) -> float:
     return float(known.mean()) if known.size else float("nan")
 
 
-def kept_of(result: Result, *, explain: bool = True, judged: bool = True) -> RunAtFixes:
+def keep_values(result: Result, *, explain: bool = True, judged: bool = True) -> RunAtFixes:
     """Return the kept values of a result; unknown values of a log are NaN.
 
     `judged` is true if the evidence is wanted, and `explain` if suspicious innovations are to be explained.
@@ -191,13 +191,13 @@ def kept_of(result: Result, *, explain: bool = True, judged: bool = True) -> Run
     used = np.flatnonzero(solution.fix_sample >= 0)
     at = solution.fix_sample[used]
 
-    grid, apart, apart_degrees = _between(result)
+    grid, apart, apart_degrees = _figures_between_fixes(result)
     error, sigma = _errors(result, at)
     rms, largest, most, at_outage_ends = _sizes(result)
     nees, degrees = _nees(result, at, of_fixes(solution.fix_covariance, used))
     nu = solution.innovation
     measured = np.isfinite(nu).sum(axis=1)
-    found = evidence_of(result, result.filtered, explain=explain) if judged else None
+    found = collect_evidence(result, result.filtered, explain=explain) if judged else None
     S = solution.innovation_covariance[used]
     return RunAtFixes(
         time=result.fixes.time[used],
@@ -229,24 +229,24 @@ def _nees(result: Result, at: NDArray[np.int64], P: FloatArray) -> tuple[FloatAr
     """Return NEES at samples (m,) with covariances P (m, n, n), and its degrees of freedom."""
     if result.missing_reason("consistency"):
         return np.full(at.size, np.nan), 0
-    true = reference_of(result)
+    true = make_reference(result)
     x = error_state(result.solution_arrays, at, true.truth, true.bias, true.scale, true.further)
-    return normalised_squares(x, P), int(uncertain(P).size) if P.size else 0
+    return normalised_squares(x, P), int(find_uncertain_states(P).size) if P.size else 0
 
 
-def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
+def _figures_between_fixes(result: Result) -> tuple[FloatArray, FloatArray, int]:
     """Return times between the fixes, NEES of the position there, and its degrees of freedom."""
     if result.missing_reason("consistency"):
         return np.zeros(0), np.zeros(0), 0
     at = np.maximum(whole_seconds(result.time) - 1, 1)
-    nees, degrees = position_nees(result.solution_arrays, at, reference_of(result))
+    nees, degrees = position_nees(result.solution_arrays, at, make_reference(result))
     return result.time[at], nees, degrees
 
 
 def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
     """Return errors and their σ (m, 9) at samples (m,)."""
     sigma = believed_sigma(result, at)[:, :WIDE]
-    return np.full((at.size, WIDE), np.nan) if result.missing_reason("errors") else _errors_at(
+    return np.full((at.size, WIDE), np.nan) if result.missing_reason("errors") else _errors_at_samples(
         result, at
     ), sigma
 
@@ -260,18 +260,18 @@ def _sizes(result: Result) -> tuple[FloatArray, FloatArray, float, NDArray[Any]]
     at_ends = rms_at_ends(*_errors(result, outage_ends(time, gps.outages, result.epoch)))
     if result.missing_reason("errors"):
         return np.full(WIDE, np.nan), np.full(WIDE, np.nan), np.nan, at_ends
-    along = _errors_at(result, path_of(time, float(gps.period)))
+    along = _errors_at_samples(result, choose_path_samples(time, float(gps.period)))
     known = np.isfinite(along)
     count = known.sum(axis=0)
     square = np.sum(along**2, axis=0, where=known)
     rms = np.sqrt(np.divide(square, count, out=np.full(WIDE, np.nan), where=count > 0))
     largest = np.max(np.abs(along), axis=0, where=known, initial=0.0)
-    most = most_of(np.hypot(*along[:, :2].T))
+    most = quantile_of_horizontal(np.hypot(*along[:, :2].T))
     return np.asarray(rms), np.where(count > 0, largest, np.nan), most, at_ends
 
 
-def _errors_at(result: Result, at: NDArray[np.int64]) -> FloatArray:
+def _errors_at_samples(result: Result, at: NDArray[np.int64]) -> FloatArray:
     """Return the errors (m, 9) at samples (m,)."""
     solution = result.solution_arrays
     truth = result.known_truth("errors").taken(at)
-    return errors_of(solution.position[at], solution.velocity_n[at], solution.q_nb[at], truth)
+    return compute_errors(solution.position[at], solution.velocity_n[at], solution.q_nb[at], truth)

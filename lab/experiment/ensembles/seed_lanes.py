@@ -31,7 +31,7 @@ from lab.experiment.ensembles.lane_sensors import SensorRoom, can_sense, triads
 from lab.experiment.ensembles.run_at_fixes import RunAtFixes
 from lab.experiment.experiment import Experiment
 from lab.experiment.sensor_stages import SampledFlight, SensorStages
-from lab.experiment.stages import starts
+from lab.experiment.stages import draw_starts
 from lab.missions import LogMission, mission
 from lab.navigation.aiding import needs_rest
 from lab.navigation.alignment import rest_alignment
@@ -41,7 +41,7 @@ from lab.navigation.belief import (
     chosen_blocks,
     is_aided,
     of_bias_states,
-    schedule_of,
+    schedule_filter,
 )
 from lab.navigation.checks import check_bias_decay
 from lab.navigation.filters.blocks import CONSIDERED, SCALES
@@ -84,7 +84,7 @@ class SeedLanes:
         self._model = chosen_model(self._navigator, self._sensors)
         self._of_bias_states = of_bias_states(self._sensors, self._navigator)
         self._belief = belief(self._sensors, self._navigator)
-        self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
+        self._schedule = schedule_filter(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._room = threading.local() if room is None else room
         self._withheld: list[tuple[float, float]] = []
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
@@ -138,7 +138,7 @@ class SeedLanes:
         The `room` keeps the memory that each thread needs for the next runs, also those of other sensors.
         """
         found = copy.copy(self)
-        found._flight = _until(self._flight, until)
+        found._flight = _cut_flight(self._flight, until)
         found._truth, found._ideal = found._flight.truth, found._flight.ideal
         found._withheld, found._room = [outage], room
         return found
@@ -153,8 +153,8 @@ class SeedLanes:
         explain
             Whether suspicious innovations are to be explained: such a run must be run alone.
         """
-        for found in self._each(seeds, judged=True):
-            asked = found is not None and explain and needs_explanation(_evidence_of(found).innovations)
+        for found in self._run_seeds(seeds, judged=True):
+            asked = found is not None and explain and needs_explanation(_require_evidence(found).innovations)
             yield None if asked else found
 
     def measure(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
@@ -165,7 +165,7 @@ class SeedLanes:
         seeds
             The seeds.
         """
-        return self._each(seeds, judged=False)
+        return self._run_seeds(seeds, judged=False)
 
     def figures(self, seeds: Sequence[int]) -> Iterator[FloatArray | None]:
         """Return what a sweep keeps of up to eight seeds; None of a run that must be run alone.
@@ -194,17 +194,21 @@ class SeedLanes:
         """
         room = self._sensor_room()
         sensed = self._sense(seeds, room)
-        usable = self._usable(sensed)
+        usable = self._find_usable_runs(sensed)
         if not usable:
             return [None] * len(seeds)
         found = self._navigate(sensed, usable, room.increments, samples)
         return [one if index in usable else None for index, one in enumerate(found)]
 
-    def _usable(self, sensed: Sequence[Sensed]) -> list[int]:
+    def _find_usable_runs(self, sensed: Sequence[Sensed]) -> list[int]:
         """Return the runs that can be abreast."""
-        return [index for index, one in enumerate(sensed) if not (self._turns(one) or self._rests(one))]
+        return [
+            index
+            for index, one in enumerate(sensed)
+            if not (self._turns_too_fast(one) or self._would_rest(one))
+        ]
 
-    def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
+    def _run_seeds(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
 
         def kept(runs: Sequence[Navigated], seconds: float) -> list[RunAtFixes | None]:
@@ -223,7 +227,7 @@ class SeedLanes:
         """
         room = self._sensor_room()
         sensed = self._sense(seeds, room)
-        usable = self._usable(sensed)
+        usable = self._find_usable_runs(sensed)
         found: dict[int, T | None] = {}
         if usable:
             began = clock.perf_counter()
@@ -245,7 +249,7 @@ class SeedLanes:
         """Simulate the sensors of some runs; the room is written, and referred to."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
         abreast = seeds_abreast(seeds)
-        begun = starts(truth, navigator, abreast)
+        begun = draw_starts(truth, navigator, abreast)
         aligned = [self._aligned(one, seed) for one, seed in zip(begun, seeds, strict=True)]
         gyros = self._triads("gyro", seeds, [bias for _, bias, _ in aligned], room)
         accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), room)
@@ -258,7 +262,7 @@ class SeedLanes:
             draws = gps.GpsDraws.of(drawn, self._fix_truth.time.size, sensors.gps)
             fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
             if self._withheld:
-                kept = ~gps.within(self._withheld, fixes.time)
+                kept = ~gps.mask_within(self._withheld, fixes.time)
                 fixes = gps.GpsFixes(*(part[kept] for part in fixes))
             seen = Fixes(fixes.time - self._latency, fixes.position, fixes.velocity_n)
             check_bias_decay(self._schedule.stride * self._ideal.dt, assumed.decay)
@@ -269,7 +273,7 @@ class SeedLanes:
         """Return start, found gyro bias and covariance of a run after its alignment, if it has one."""
         if not self._navigator.alignment:
             return begun, NO_VECTOR, None
-        found = rest_alignment.begin(
+        found = rest_alignment.align_simulated(
             begun, self._true_start, self._sensors, self._navigator, seed, single=self._of_bias_states
         )
         return found.start, found.gyro_bias, found.P
@@ -291,14 +295,14 @@ class SeedLanes:
         increments[:, own, len(seeds) :] = increments[:, own, len(seeds) - 1 : len(seeds)]
         return measured
 
-    def _turns(self, one: Sensed) -> bool:
+    def _turns_too_fast(self, one: Sensed) -> bool:
         """Return whether the gyros show a rotation within a sample that may be too large for runs abreast."""
         largest = float(si(self._sensors.gyro, "range")) * self._ideal.dt
         if largest >= LARGEST_TURN:
             largest = math.sqrt(3) * max(float(one.gyro.increments.max()), -float(one.gyro.increments.min()))
         return not largest < LARGEST_TURN
 
-    def _rests(self, one: Sensed) -> bool:
+    def _would_rest(self, one: Sensed) -> bool:
         """Return whether the filter would find that the vehicle stands still."""
         return needs_rest(self._navigator) and bool(
             at_rest(one.imu(self._truth.time), one.seen, one.belief).any()
@@ -331,7 +335,7 @@ class SeedLanes:
         )
 
 
-def _until(flight: SampledFlight, end: float) -> SampledFlight:
+def _cut_flight(flight: SampledFlight, end: float) -> SampledFlight:
     """Return a flight up to the first sample that is not before a time [s]."""
     samples = int(np.searchsorted(flight.ideal.time, end)) + 1
     if samples >= flight.ideal.time.size:
@@ -339,7 +343,7 @@ def _until(flight: SampledFlight, end: float) -> SampledFlight:
     return replace(flight, truth=flight.truth.taken(slice(samples)), ideal=flight.ideal.part(0, samples))
 
 
-def _evidence_of(run: RunAtFixes) -> Evidence:
+def _require_evidence(run: RunAtFixes) -> Evidence:
     """Return the evidence of a run that is judged."""
     assert run.evidence is not None
     return run.evidence

@@ -20,7 +20,7 @@ from lab.base.processors import processors
 from lab.base.progress import Progress, StoppedError
 from lab.experiment.ensembles.collected import Collected
 from lab.experiment.ensembles.ensemble import JUDGED, Ensemble
-from lab.experiment.ensembles.run_at_fixes import RunAtFixes, kept_of
+from lab.experiment.ensembles.run_at_fixes import RunAtFixes, keep_values
 from lab.experiment.ensembles.seed_lanes import LANES, SeedLanes
 from lab.experiment.experiment import Experiment
 from lab.experiment.sensor_stages import SensorStages
@@ -126,7 +126,7 @@ def run_ensemble(
         )
     else:
         # The user's code need not be thread-safe.
-        threads = 1 if algorithm is not None else at_once(memory_of(experiment), thread_count(workers))
+        threads = 1 if algorithm is not None else at_once(estimate_memory(experiment), thread_count(workers))
         _run_on_threads(threads, _Runner(experiment, algorithm, lanes), done, cancelled)
     if not len(done) and not done.ended:
         raise StoppedError(f"stopped before the first of {len(numbers):,} runs was done")
@@ -212,7 +212,7 @@ def _collect(collected: Collected, seed: int, run: RunAtFixes | DivergedError) -
         collected.add(seed, run)
 
 
-def counted(done: int, wanted: int, began: float) -> str:
+def format_progress(done: int, wanted: int, began: float) -> str:
     """Return how many runs are done, and if some are not, their rate and the time left.
 
     Parameters
@@ -253,7 +253,7 @@ def thread_count(workers: int | None) -> int:
     return count
 
 
-def memory_of(experiment: Experiment) -> int:
+def estimate_memory(experiment: Experiment) -> int:
     """Return the memory that a run needs [bytes]; none if it is refused, or is that of a log."""
     try:
         found = mission(experiment.mission)
@@ -323,24 +323,24 @@ class _Runner(NamedTuple):
     def run(self, part: range, seeds: Sequence[int]) -> list[RunAtFixes | DivergedError]:
         """Run the seeds of some places; a run that diverges gives the error."""
         if self.lanes is None:
-            return [self._alone(place, seed) for place, seed in zip(part, seeds, strict=True)]
+            return [self._run_alone(place, seed) for place, seed in zip(part, seeds, strict=True)]
         abreast = (
             self.lanes.run(seeds, explain=part.start < EXPLAINED)
             if part.start < JUDGED
             else self.lanes.measure(seeds)
         )
         return [
-            run or self._alone(place, seed) for place, seed, run in zip(part, seeds, abreast, strict=True)
+            run or self._run_alone(place, seed) for place, seed, run in zip(part, seeds, abreast, strict=True)
         ]
 
-    def _alone(self, place: int, seed: int) -> RunAtFixes | DivergedError:
+    def _run_alone(self, place: int, seed: int) -> RunAtFixes | DivergedError:
         mine = self.experiment.copy()
         mine.set("seed", seed)
         try:
             result = mine.run(algorithm=self.algorithm)
         except DivergedError as error:
             return error.with_traceback(None)
-        return kept_of(result, explain=place < EXPLAINED, judged=place < JUDGED)
+        return keep_values(result, explain=place < EXPLAINED, judged=place < JUDGED)
 
 
 class _Done:
@@ -406,7 +406,7 @@ class _Done:
     def _report(self) -> None:
         count, wanted, now = len(self), len(self.seeds), time.monotonic()
         if self._progress is not None:
-            self._progress(counted(count, wanted, self._began), count / wanted)
+            self._progress(format_progress(count, wanted, self._began), count / wanted)
         some = 1 < count < wanted and (self._collected.has_evidence or self._block.has_evidence)
         if self._partial is not None and some and now - self._shown > SHOWN_EVERY:
             self._shown = now

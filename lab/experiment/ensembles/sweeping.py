@@ -31,17 +31,17 @@ from lab.experiment.ensembles.seeds import (
     FEW,
     MANY,
     at_fast_rate,
-    counted,
-    memory_of,
+    estimate_memory,
+    format_progress,
     seed_numbers,
     thread_count,
 )
-from lab.experiment.ensembles.swept_values import CARD, Swept, combinations, names_of, read
+from lab.experiment.ensembles.swept_values import CARD, Swept, combinations, name_cards, read
 from lab.experiment.experiment import Experiment
 from lab.experiment.sweep import Sweep
 from lab.missions import LogMission, mission
 from lab.run.memory import at_once
-from lab.run.provenance import SWEEP, facts_of
+from lab.run.provenance import SWEEP, collect_facts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 KEPT = StageCache(limit=4 * 2**20)
 """The numbers of single runs by their settings: 16,000 runs with 256 bytes each."""
 NUMBERS = 3 * WIDE + 5
-"""How many numbers are kept of a run; see `figures_of`."""
+"""How many numbers are kept of a run; see `run_at_fixes.figures_of_run`."""
 SHARES, LEAST_SHARE, LARGEST_SHARE = 64, 4, 64
 """Number of shares that the runs of a sweep are cut into for a cluster, and the fewest and most runs in each:
 some 0.2 to 5 s of work."""
@@ -74,7 +74,7 @@ class Block(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """The numbers of one run in the order of `figures_of`, and why they are NaN; empty if they are not."""
+    """Numbers of a run in the order of `figures_of_run`, and why they are NaN; empty if they are not."""
 
     values: FloatArray
     refusal: str
@@ -114,7 +114,7 @@ def sweep(
     if fast and "navigator.filter_rate" in settings:
         raise SettingError("navigator.filter_rate: is swept; accepted without fast, which sets it")
     points = [at_fast_rate(one) if fast else one for one in combinations(experiment, swept, fixed)]
-    numbers = seeds_of(experiment, points, seeds)
+    numbers = seeds_of_runs(experiment, points, seeds)
     hashes = {name: mission(name).content_hash for name in {point.mission for point in points}}
     keys = [
         digest(hashes[point.mission], {**point.to_dict(), "seed": None}, point.hidden) for point in points
@@ -123,9 +123,9 @@ def sweep(
     # Runs with the same seed follow one another, because they share the stages before the swept setting.
     tasks = {(index, seed): f"{keys[index]} {seed}" for seed in numbers for index in range(len(points))}
     found = {task: one for task, key in tasks.items() if (one := kept(key)) is not None}
-    blocks = blocks_of(points, tasks.keys() - found, numbers)
+    blocks = plan_blocks(points, tasks.keys() - found, numbers)
     done = _Done(found, tasks, progress)
-    threads = at_once(max(map(memory_of, points)), thread_count(workers))
+    threads = at_once(max(map(estimate_memory, points)), thread_count(workers))
     if client is None:
         run_on_threads(threads, points, blocks, done, cancelled or (lambda: False))
     else:
@@ -150,18 +150,18 @@ def sweep(
         dataset(base, missions, swept, numbers, values),
         tuple(f"{count} of {len(tasks)} runs: {reason}" for reason, count in refusals.items() if count),
         refusals[STOPPED],
-        _made_of(base, swept),
+        _describe_origin(base, swept),
         {"fast": fast, "fixed": dict(fixed)},
     )
 
 
-def _made_of(experiment: Experiment, swept: Sequence[Swept]) -> dict[str, Any]:
+def _describe_origin(experiment: Experiment, swept: Sequence[Swept]) -> dict[str, Any]:
     """Return what made a sweep, and the given values of each setting with those of the dataset."""
     pairs = {
-        one.path: list(zip(names_of(one.values), coordinate(experiment, one)[1], strict=True))
+        one.path: list(zip(name_cards(one.values), coordinate(experiment, one)[1], strict=True))
         for one in swept
     }
-    return facts_of(experiment, mission(experiment.mission), SWEEP) | {"swept": pairs}
+    return collect_facts(experiment, mission(experiment.mission), SWEEP) | {"swept": pairs}
 
 
 class _Done:
@@ -208,10 +208,10 @@ class _Done:
         self._reported = time.monotonic()
         if self._progress is not None:
             count, wanted = len(self.found), len(self._tasks)
-            self._progress(counted(count, wanted, self._began), count / wanted)
+            self._progress(format_progress(count, wanted, self._began), count / wanted)
 
 
-def blocks_of(
+def plan_blocks(
     points: Sequence[Experiment], left: Collection[tuple[int, int]], seeds: Sequence[int]
 ) -> list[Block]:
     """Return the runs to do, of some experiments with some seeds: alone, or up to eight seeds abreast.
@@ -359,7 +359,9 @@ def kept(key: str) -> Numbers | None:
         return None
 
 
-def seeds_of(experiment: Experiment, points: list[Experiment], seeds: int | Sequence[int]) -> tuple[int, ...]:
+def seeds_of_runs(
+    experiment: Experiment, points: list[Experiment], seeds: int | Sequence[int]
+) -> tuple[int, ...]:
     """Return the seed of each run.
 
     Raises
@@ -425,7 +427,7 @@ def coordinate(experiment: Experiment, swept: Swept) -> tuple[str, list[Any], di
     """Return the values of a setting as a coordinate: numbers, or texts if any value is no number."""
     if swept.path == CARD:
         about = {"units": "", "long_name": "Card", "setting": CARD}
-        return swept.dim, names_of(swept.values), about
+        return swept.dim, name_cards(swept.values), about
     declaration = experiment.declaration(swept.path)
     plain = all(isinstance(value, Real) and not isinstance(value, bool) for value in swept.values)
     texts = [value_text(declaration, value) for value in swept.values]

@@ -40,14 +40,14 @@ def read(experiment: Experiment, settings: Mapping[str, Sequence[Any]]) -> list[
         raise SettingError(
             'sweep: no setting named; accepted is, for instance, {"sensors.gyro.noise_density": [0.01, 0.1]}'
         )
-    values = {path: accepted(experiment, path, given) for path, given in settings.items()}
+    values = {path: check_values(experiment, path, given) for path, given in settings.items()}
     for form in experiment.OTHER_FORMS:
         if form in values and (other := experiment.derived(form).setting) in values:
             raise SettingError(f"{form} and {other} are two forms of one setting; accepted is one of them")
-    return [Swept(path, dim_of(path, values), taken) for path, taken in values.items()]
+    return [Swept(path, name_dimension(path, values), taken) for path, taken in values.items()]
 
 
-def accepted(experiment: Experiment, path: str, given: Sequence[Any]) -> list[Any]:
+def check_values(experiment: Experiment, path: str, given: Sequence[Any]) -> list[Any]:
     """Return the values of a setting after a check of each, or the named cards; errors as of `read`."""
     if not isinstance(path, str):
         raise SettingError(f"sweep: {path!r} is no name of a setting, such as sensors.gyro.noise_density")
@@ -60,7 +60,7 @@ def accepted(experiment: Experiment, path: str, given: Sequence[Any]) -> list[An
         raise SettingError(f"{path}: there is no value in the list")
     if path == CARD:
         values = [_card(value) for value in values]
-    names = names_of(values)
+    names = name_cards(values)
     twice = [name for at, name in enumerate(names) if name in names[:at]]
     if twice:
         raise SettingError(f"{path}: {twice[0]!r} is in the list twice")
@@ -80,7 +80,7 @@ def _card(value: Any) -> Card:
     return card(value)
 
 
-def names_of(values: list[Any]) -> list[Any]:
+def name_cards(values: list[Any]) -> list[Any]:
     """Return values with the names of cards in their place."""
     return [value.name if isinstance(value, Card) else value for value in values]
 
@@ -93,7 +93,7 @@ def _set(point: Experiment, path: str, value: Any) -> None:
         point.set(path, value)
 
 
-def dim_of(path: str, paths: Mapping[str, object]) -> str:
+def name_dimension(path: str, paths: Mapping[str, object]) -> str:
     """Return the name of a setting's dimension: the end of its path that no other swept setting has."""
     words = path.split(".")
     ends = (words[-count:] for count in range(1, len(words) + 1))

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.files.file_content import TextBlocks, whole
+from lab.base.files.file_content import TextBlocks, read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.log_check import check_log
 from lab.data.log.auxiliary_data import AuxiliaryData, Reference
-from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.data.log.sensor_log import GnssLog, SensorLog, believed_sigma, repair_log
 from lab.experiment.scoreboard.array_files import mat_structure, npy_array
 from lab.experiment.scoreboard.registry import DataSet
 from lab.motion.frames import ecef
@@ -76,7 +76,7 @@ def _numbers(path: Path, least: int, delimiter: str | None) -> FloatArray:
     return np.array(parts, dtype=np.float64).reshape(-1, least)
 
 
-def _one(folder: Path, pattern: str) -> Path:
+def _find_one_file(folder: Path, pattern: str) -> Path:
     """Return the one file of a folder with a name like this."""
     found = sorted(folder.glob(pattern))
     if len(found) != 1:
@@ -106,7 +106,7 @@ def _log(
     gnss: GnssLog,
     reference: Reference | None,
 ) -> SensorLog:
-    log = repaired(
+    log = repair_log(
         str(folder), time, samples, gnss, reference, auxiliary=AuxiliaryData(vehicle=about.vehicle)
     )
     check_log(log)
@@ -117,18 +117,18 @@ def gnss_imu(folder: Path, about: DataSet) -> SensorLog:
     """Read a set of GNSS_IMU: its IMU, converted or as recorded with a time tag, and a solution file."""
     converted = sorted(folder.glob("imu_*_sf.csv"))
     if converted:
-        table = _numbers(_one(folder, "imu_*_sf.csv"), 7, ",")
+        table = _numbers(_find_one_file(folder, "imu_*_sf.csv"), 7, ",")
         time, force, rate = table[:, 0], table[:, 1:4], table[:, 4:7]
     else:
-        time, force, rate = _tagged(_one(folder, "imu_*.csv"))
+        time, force, rate = _read_tagged(_find_one_file(folder, "imu_*.csv"))
     C = C_nb_from_euler(np.radians(about.imu_rpy_deg)).T
     samples = np.hstack((rate @ C.T, force * STANDARD_GRAVITY @ C.T))
-    fixes, position, velocity_n, sigma = _rtklib(_one(folder, "gnss_*.pos"))
+    fixes, position, velocity_n, sigma = _rtklib(_find_one_file(folder, "gnss_*.pos"))
     gnss = _fixes(about, fixes, position, velocity_n, sigma)
     return _log(folder, about, time - about.imu_late_s, samples, gnss, None)
 
 
-def _tagged(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _read_tagged(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times of GPS [s], specific force [g] and rate [rad/s] of a recording with a time tag.
 
     The first row is a heading, and the last one may be cut.
@@ -140,7 +140,7 @@ def _tagged(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
     except (ValueError, IndexError) as error:
         raise MissionError(f"{path}: {error}; accepted are 7 numbers a row after a heading") from error
     tag = path.with_name(path.name + ".tag")
-    content = whole(tag, MAX_BYTES)
+    content = read_whole(tag, MAX_BYTES)
     if len(content) < _TAG_HEAD.size + _TAG_PAIR:
         raise MissionError(f"{tag}: {len(content)} bytes; accepted is a time tag of RTKLIB")
     _, seconds, fraction = _TAG_HEAD.unpack_from(content)
@@ -197,14 +197,14 @@ def navego(folder: Path, about: DataSet) -> SensorLog:
         else np.full((time.size, 3), np.nan)
         for name in ("stdm", "stdv")
     ]
-    fixes = _fixes(about, time, _place(folder, gnss), _three(folder, gnss, "vel"), np.hstack(sigma))
+    fixes = _fixes(about, time, _read_place(folder, gnss), _three(folder, gnss, "vel"), np.hstack(sigma))
     if "larm" in gnss and gnss["larm"].size == 3:
         fixes.lever_arm[:] = gnss["larm"].ravel()
     rows = truth["t"].size
     euler = [truth[name].ravel() for name in ("roll", "pitch", "yaw") if name in truth]
     attitude = np.column_stack(euler) if len(euler) == 3 else np.full((rows, 3), np.nan)
     velocity = _three(folder, truth, "vel")
-    reference = Reference(truth["t"].ravel(), _place(folder, truth), velocity, attitude)
+    reference = Reference(truth["t"].ravel(), _read_place(folder, truth), velocity, attitude)
     return _log(folder, about, imu["t"].ravel(), samples, fixes, reference)
 
 
@@ -226,7 +226,7 @@ def _three(folder: Path, fields: Mapping[str, FloatArray], name: str) -> FloatAr
     return values
 
 
-def _place(folder: Path, fields: Mapping[str, FloatArray]) -> FloatArray:
+def _read_place(folder: Path, fields: Mapping[str, FloatArray]) -> FloatArray:
     """Return latitude, longitude [rad], height [m]."""
     parts = [fields[name].ravel() for name in ("lat", "lon", "h")]
     if any(part.size != fields["t"].size for part in parts):
@@ -236,8 +236,8 @@ def _place(folder: Path, fields: Mapping[str, FloatArray]) -> FloatArray:
 
 def nclt(folder: Path, about: DataSet) -> SensorLog:
     """Read a session of NCLT: ``ms25.csv``, ``gps.csv``, and its ground truth where it is there."""
-    imu = _numbers(_one(folder, "ms25.csv"), 10, ",")
-    fixes = _numbers(_one(folder, "gps.csv"), 8, ",")
+    imu = _numbers(_find_one_file(folder, "ms25.csv"), 10, ",")
+    fixes = _numbers(_find_one_file(folder, "gps.csv"), 8, ",")
     fixes = fixes[(fixes[:, 1] >= _NCLT_FIX) & np.isfinite(fixes[:, 3:6]).all(axis=1)]
     track, speed = fixes[:, 6], fixes[:, 7]
     velocity_n = np.column_stack((speed * np.cos(track), speed * np.sin(track), np.full(len(fixes), np.nan)))

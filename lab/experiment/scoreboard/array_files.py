@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lab.base.arrays import FloatArray
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
 
@@ -31,7 +31,7 @@ def npy_array(path: Path) -> FloatArray:
     MissionError
         If the file is none, holds objects, or states a larger size than it has.
     """
-    content = whole(path, MAX_BYTES)
+    content = read_whole(path, MAX_BYTES)
     stream = io.BytesIO(content)
     try:
         version = np.lib.format.read_magic(stream)
@@ -65,7 +65,7 @@ def mat_structure(
     """
     from scipy.io import loadmat  # noqa: PLC0415 - takes a while to import
 
-    plain = _decompressed(path, whole(path, MAX_BYTES))
+    plain = _decompress_file(path, read_whole(path, MAX_BYTES))
     try:
         file: Any = io.BytesIO(plain)
         found = loadmat(file, variable_names=[name], struct_as_record=True)[name]
@@ -80,17 +80,19 @@ def mat_structure(
             f"{path}: structure {name} has no field {missing[0]}; accepted are structures with "
             f"{', '.join(needed)}"
         )
-    return {field: _real(path, field, fields[field]) for field in (*needed, *optional) if field in fields}
+    return {
+        field: _require_real(path, field, fields[field]) for field in (*needed, *optional) if field in fields
+    }
 
 
-def _real(path: Path, field: str, values: Any) -> FloatArray:
+def _require_real(path: Path, field: str, values: Any) -> FloatArray:
     array = np.asarray(values)
     if array.dtype.kind not in "fiu" or array.ndim != 2 or not array.size:
         raise MissionError(f"{path}: field {field} is no table of real numbers; accepted is one")
     return array.astype(np.float64)
 
 
-def _decompressed(path: Path, content: bytes) -> bytes:
+def _decompress_file(path: Path, content: bytes) -> bytes:
     """Return a file of MATLAB 5 without compressed elements, whose sizes together are bounded."""
     if content[:6] != b"MATLAB" or content[126:128] != b"IM":
         raise MissionError(

@@ -25,7 +25,7 @@ from lab.base.progress import Progress
 from lab.data.files.sensor_log_csv import log_files
 from lab.data.log.auxiliary_data import Reference
 from lab.data.log.sensor_log import SensorLog
-from lab.experiment.ensembles.log_outages import Indices, masked, outage_turns
+from lab.experiment.ensembles.log_outages import Indices, mask_withheld, outage_turns
 from lab.experiment.experiment import Experiment
 from lab.experiment.scoreboard.adapters import ADAPTERS
 from lab.experiment.scoreboard.opponents import OPPONENTS, Given, Navigated, installed
@@ -36,7 +36,7 @@ from lab.motion.frames import ecef
 from lab.motion.frames.displacement import displacement
 from lab.motion.frames.rotation import C_nb_from_euler
 from lab.navigation.checks import DivergedError
-from lab.run.log_reference import reference_at
+from lab.run.log_reference import interpolate_reference
 from lab.run.run import Run
 
 STATISTICS = {
@@ -96,7 +96,7 @@ class Row(NamedTuple):
     settings: str = ""
 
 
-def folder_of(about: DataSet, data: Path, *, alone: bool = False) -> Path | None:
+def find_folder(about: DataSet, data: Path, *, alone: bool = False) -> Path | None:
     """Return the folder of a set in a folder, which is one of its name; None if there is none.
 
     Parameters
@@ -137,11 +137,11 @@ def checked_files(
     expected = dict(about.files) if _is_log(folder) or about.layout in ("log", "flight") else {}
     paths = sorted(path for path in folder.rglob("*") if path.is_file() and _is_read(about, path, folder))
     if not paths:
-        raise MissionError(f"{folder}: holds no file of {about.name}; {where_from(about)}")
+        raise MissionError(f"{folder}: holds no file of {about.name}; {describe_source(about)}")
     needed = set(expected) or ({"imu.csv", "gnss.csv"} if _is_log(folder) else set())
     missing = sorted(needed - {path.name for path in paths})
     if missing:
-        raise MissionError(f"{folder}: {missing[0]} is missing; {where_from(about)}")
+        raise MissionError(f"{folder}: {missing[0]} is missing; {describe_source(about)}")
     found, compared = {}, set()
     for path in paths:
         check_file(path, MAX_BYTES)
@@ -153,12 +153,12 @@ def checked_files(
         if wanted and wanted != found[name]:
             raise MissionError(
                 f"{path}: is another file: its SHA-256 begins with {found[name][:8]}; accepted is "
-                f"{wanted[:8]}…; {where_from(about)}"
+                f"{wanted[:8]}…; {describe_source(about)}"
             )
     return found, "nothing" if compared < found.keys() else "registered" if expected else "first result"
 
 
-def where_from(about: DataSet) -> str:
+def describe_source(about: DataSet) -> str:
     """Return where a set is published, in words."""
     return f"it is published at {about.source} ({about.licence}); nothing is fetched"
 
@@ -201,16 +201,16 @@ def read(about: DataSet, folder: Path) -> SensorLog:
     """
     if _is_log(folder):
         files = log_files(folder)
-        return _described(replace(files, vehicle=files.vehicle or about.vehicle).read(), about)
+        return _add_registry_values(replace(files, vehicle=files.vehicle or about.vehicle).read(), about)
     if about.layout == "tables":
         paths = sorted(path for path in folder.iterdir() if path.is_file() and _is_read(about, path, folder))
-        return _described(read_log(paths, axes=about.axes, vehicle=about.vehicle), about)
+        return _add_registry_values(read_log(paths, axes=about.axes, vehicle=about.vehicle), about)
     if about.layout not in ADAPTERS:
-        raise MissionError(f"{folder}: has no imu.csv and gnss.csv; {where_from(about)}")
+        raise MissionError(f"{folder}: has no imu.csv and gnss.csv; {describe_source(about)}")
     return ADAPTERS[about.layout](folder, about)
 
 
-def _described(log: SensorLog, about: DataSet) -> SensorLog:
+def _add_registry_values(log: SensorLog, about: DataSet) -> SensorLog:
     """Return a log with the lever arm and the latency of the registry."""
     gnss = replace(log.gnss, lever_arm=np.array(about.lever_arm_m), latency=about.latency_s)
     return replace(log, gnss=gnss)
@@ -319,7 +319,7 @@ class _Match(NamedTuple):
             if not found.version:
                 return found._replace(outcome=MISSING, reason=f"pip install {program}")
         try:
-            errors, seconds = self._ours() if program == LAB else self._theirs(program)
+            errors, seconds = self._errors_of_lab() if program == LAB else self._errors_of_program(program)
         except (SettingError, DivergedError, ValueError, ArithmeticError, RuntimeError) as error:
             return found._replace(outcome=REFUSED, reason=f"{type(error).__name__}: {error}")
         first, last = self.again.span
@@ -338,35 +338,35 @@ class _Match(NamedTuple):
             reason=_NOTES.get(program, ""),
         )
 
-    def _ours(self) -> tuple[FloatArray, float]:
+    def _errors_of_lab(self) -> tuple[FloatArray, float]:
         """Return errors (k, 3) north, east, down of our filter [m], and seconds of the processor."""
         nothing: Flags = np.zeros(self.again.stamps.size, dtype=np.bool_)
         if not self.turns:
             seconds = _seconds(lambda: self.again.navigate(self.run.experiment, nothing))
             arrays = self.run.solution_arrays
-            return self._of_whole(Navigated(arrays.position, arrays.q_nb)), seconds
+            return self._errors_of_whole_run(Navigated(arrays.position, arrays.q_nb)), seconds
         errors, seconds = [], 0.0
         for _, withheld in self.turns:
-            mask = masked(self.again.stamps, withheld)
+            mask = mask_withheld(self.again.stamps, withheld)
             began = time.process_time()
             seen = innovations_of_withheld(self.again, self.run.experiment, mask)
             seconds += time.process_time() - began
             errors.append(seen.innovation[[rows[-1] for rows in withheld], :3])
         return self._from_reference(np.concatenate(errors)), seconds
 
-    def _theirs(self, program: str) -> tuple[FloatArray, float]:
+    def _errors_of_program(self, program: str) -> tuple[FloatArray, float]:
         """Return the same of another program."""
         given = Given.of(self.run)
         rows = np.searchsorted(self._validity, given.fixes.time - _ROUNDING)
         errors, seconds = [], 0.0
-        masks = [masked(self.again.stamps, withheld) for _, withheld in self.turns]
+        masks = [mask_withheld(self.again.stamps, withheld) for _, withheld in self.turns]
         for number, mask in enumerate(masks or [np.zeros(self.again.stamps.size, dtype=np.bool_)]):
             navigate = OPPONENTS[program](given, mask[rows])
             began = time.process_time()
             path = navigate()
             seconds += time.process_time() - began
             if not self.turns:
-                return self._of_whole(path), seconds
+                return self._errors_of_whole_run(path), seconds
             last = np.array([withheld[-1] for withheld in self.turns[number][1]])
             at = np.searchsorted(rows, last)
             there = path.antenna(given.imu.time, given.fixes.time[at], given.lever_arm)
@@ -395,7 +395,7 @@ class _Match(NamedTuple):
         if self.about.against == "fixes":
             return errors
         last = np.array([rows[-1] for _, withheld in self.turns for rows in withheld])
-        there = reference_at(self._reference, self._validity[last])
+        there = interpolate_reference(self._reference, self._validity[last])
         if there is None:
             raise ValueError("the reference has no rows at the ends of the outages")
         place, arm = there.position, self.run.belief.lever_arm
@@ -410,10 +410,10 @@ class _Match(NamedTuple):
         """Positions (m, 3) of all fixes."""
         return self.run.fixes.position if self.run.recorded is None else self.run.recorded.log.gnss.position
 
-    def _of_whole(self, path: Navigated) -> FloatArray:
+    def _errors_of_whole_run(self, path: Navigated) -> FloatArray:
         """Return the errors of a whole run at the samples, from the reference."""
         times, arm = self.run.time, self.run.belief.lever_arm
-        there = reference_at(self._reference, times)
+        there = interpolate_reference(self._reference, times)
         if there is None:
             raise ValueError("the reference has no rows during the IMU data")
         place = path.antenna(times, times, arm) if self.about.reference_at == "antenna" else path.position
@@ -454,6 +454,6 @@ _NOTES = {
 """What must be known with the figures of a program."""
 
 
-def awaited(about: DataSet, programs: Sequence[str] = PROGRAMS) -> list[Row]:
+def rows_not_run(about: DataSet, programs: Sequence[str] = PROGRAMS) -> list[Row]:
     """Return rows of a set that never ran."""
     return [Row(about.name, program, AWAITED) for program in programs]

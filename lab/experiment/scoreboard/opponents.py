@@ -214,7 +214,7 @@ def sidereon(given: Given, withheld: Flags) -> Callable[[], Navigated]:
 
     imu, start = given.imu, given.start
     rows = np.flatnonzero(~withheld)
-    fix_e, C_fix = _resolved(given.fixes.position[rows])
+    fix_e, C_fix = _resolve_in_e(given.fixes.position[rows])
     turn = np.zeros((rows.size, 6, 6))
     turn[:, :3, :3] = turn[:, 3:, 3:] = C_fix
     covariance = turn @ given.R[rows] @ np.swapaxes(turn, 1, 2)
@@ -234,7 +234,7 @@ def sidereon(given: Given, withheld: Flags) -> Callable[[], Navigated]:
             time[1:].tolist(), dvelocity.tolist(), dtheta.tolist(), np.diff(time).tolist(), strict=True
         )
     ]
-    begin_e, C_begin = _resolved(start.position[None])
+    begin_e, C_begin = _resolve_in_e(start.position[None])
     C_eb = C_begin[0] @ Rotation.from_quat(start.q_nb, scalar_first=True).as_matrix()
     nominal = program.NavState(float(time[0]), list(begin_e[0]), list(C_begin[0] @ start.velocity_n), C_eb)
     P = np.zeros((15, 15))
@@ -277,7 +277,7 @@ def _mean(sigma: FloatArray) -> float:
     return float(np.sqrt(np.mean(sigma**2)))
 
 
-def _resolved(position: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _resolve_in_e(position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return places in e (n, 3) [m], and C_en (n, 3, 3)."""
     return ecef.position(position), ecef.axes(position[:, 0], position[:, 1])
 

@@ -150,7 +150,7 @@ class DataSet:
 @cache
 def data_sets() -> dict[str, DataSet]:
     """Return the sets by name, in the order of the registry."""
-    return {one.name: one for one in map(_of, read_toml(REGISTRY)["set"])}
+    return {one.name: one for one in map(_make_data_set, read_toml(REGISTRY)["set"])}
 
 
 def data_set(name: str) -> DataSet:
@@ -167,7 +167,7 @@ def data_set(name: str) -> DataSet:
     return known[name]
 
 
-def _of(table: Mapping[str, Any]) -> DataSet:
+def _make_data_set(table: Mapping[str, Any]) -> DataSet:
     made = dict(table)
     made["protocol"] = Protocol(**made["protocol"])
     made["published"] = tuple(Published(**one) for one in made.get("published", ()))

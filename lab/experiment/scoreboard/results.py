@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from lab.base.files.atomic_file import write_file
-from lab.base.files.file_content import whole
+from lab.base.files.file_content import read_whole
 from lab.base.files.mission_error import MissionError
-from lab.base.plain_data import plain
-from lab.experiment.scoreboard.comparison import AWAITED, MISSING, RUN, STATISTICS, Row, awaited
+from lab.base.plain_data import to_plain_data
+from lab.experiment.scoreboard.comparison import AWAITED, MISSING, RUN, STATISTICS, Row, rows_not_run
 from lab.experiment.scoreboard.registry import LAB, DataSet, data_set, data_sets
 
 RESULTS = Path(__file__).with_name("results.json")
@@ -63,7 +63,7 @@ def kept_rows(path: Path = RESULTS) -> list[Kept]:
         If it cannot be read, is no such file, or rows are missing or there twice.
     """
     try:
-        content = json.loads(whole(path, MAX_BYTES))
+        content = json.loads(read_whole(path, MAX_BYTES))
         form = content["schema"], content["schema_version"]
         found = [
             Kept(int(one.pop("number")), earlier=tuple(one.pop("earlier", ())), row=Row(**one))
@@ -84,14 +84,14 @@ def kept_rows(path: Path = RESULTS) -> list[Kept]:
     return found
 
 
-def merged(kept: Sequence[Kept], rows: Sequence[Row]) -> list[Kept]:
+def merge_rows(kept: Sequence[Kept], rows: Sequence[Row]) -> list[Kept]:
     """Return kept rows with newer ones in their places; rows of the registry that never ran are added.
 
     A result is not replaced by a row without one.
     """
     newest = {(row.data, row.program): row for row in rows}
-    found = [_replaced(one, newest.pop(one.key, None)) for one in kept]
-    never = [row for about in data_sets().values() for row in awaited(about)]
+    found = [_replace_row(one, newest.pop(one.key, None)) for one in kept]
+    never = [row for about in data_sets().values() for row in rows_not_run(about)]
     known = {one.key for one in found}
     for row in never:
         key = (row.data, row.program)
@@ -100,17 +100,17 @@ def merged(kept: Sequence[Kept], rows: Sequence[Row]) -> list[Kept]:
     return found
 
 
-def _replaced(kept: Kept, row: Row | None) -> Kept:
+def _replace_row(kept: Kept, row: Row | None) -> Kept:
     if row is None or (kept.row.outcome == RUN and row.outcome not in (RUN, "refused")):
         return kept
     if kept.row.outcome == AWAITED:
         return Kept(kept.number, row, kept.earlier)
     old = {name: getattr(kept.row, name) for name in _KEPT}
-    same = old["version"] == row.version and _rounded(old["figures"]) == _rounded(row.figures)
+    same = old["version"] == row.version and _round_figures(old["figures"]) == _round_figures(row.figures)
     return Kept(kept.number, row, kept.earlier if same else (*kept.earlier, old))
 
 
-def _rounded(found: Mapping[str, float]) -> dict[str, str]:
+def _round_figures(found: Mapping[str, float]) -> dict[str, str]:
     return {name: f"{value:.4g}" for name, value in found.items()}
 
 
@@ -123,7 +123,7 @@ def write(path: Path, kept: Sequence[Kept]) -> None:
         If it cannot be written.
     """
     rows = [{"number": one.number, **one.row._asdict(), "earlier": one.earlier} for one in kept]
-    data = plain({"schema": SCHEMA, "schema_version": VERSION, "rows": rows})
+    data = to_plain_data({"schema": SCHEMA, "schema_version": VERSION, "rows": rows})
     write_file(path, json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False).encode() + b"\n")
 
 
@@ -132,7 +132,7 @@ def known_files(kept: Sequence[Kept], name: str) -> dict[str, str]:
     return next((dict(one.row.files) for one in kept if one.row.data == name and one.row.files), {})
 
 
-def standing(about: DataSet, rows: Sequence[Row]) -> tuple[str, str]:
+def describe_standing(about: DataSet, rows: Sequence[Row]) -> tuple[str, str]:
     """Return how our row of a set stands beside the others, in a sentence, and what it rests on."""
     ours = next((row for row in rows if row.program == LAB), None)
     if ours is None or ours.outcome != RUN:
@@ -148,7 +148,10 @@ def standing(about: DataSet, rows: Sequence[Row]) -> tuple[str, str]:
         for one in about.published
         if one.kind == "result" and one.statistic == statistic
     ]
-    basis = f"{STATISTICS[statistic]}, {_what(about, ours)}; {about.protocol.words}; {_CHECKED[ours.checked]}"
+    basis = (
+        f"{STATISTICS[statistic]}, {_describe_row(about, ours)}; {about.protocol.words}; "
+        f"{_CHECKED[ours.checked]}"
+    )
     if not others:
         return f"{LAB} {mine:.3g} m; there is nothing beside it.{_tolerances(about, ours)}", basis
     best, who = min(others)
@@ -177,7 +180,7 @@ def _tolerances(about: DataSet, ours: Row) -> str:
     return f" It is {'beyond' if beyond else 'within'} the tolerances of {stated[0].program}: {words}."
 
 
-def _what(about: DataSet, row: Row) -> str:
+def _describe_row(about: DataSet, row: Row) -> str:
     to = {
         "fixes": "the last withheld fix",
         "reference": "the reference of the set",
@@ -186,7 +189,7 @@ def _what(about: DataSet, row: Row) -> str:
     return f"{row.outages} outages, from {to}" if row.outages else f"the whole run, from {to}"
 
 
-def table_of(about: DataSet, rows: Sequence[Row]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def tabulate_rows(about: DataSet, rows: Sequence[Row]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return the titles and the cells of the table of a set: its rows, and what others published."""
     shown = ["horizontal_rms_m", "horizontal_median_m", "horizontal_worst_m", "three_d_rms_m"]
     shown += [one.statistic for one in about.published if one.statistic not in shown]
@@ -196,29 +199,29 @@ def table_of(about: DataSet, rows: Sequence[Row]) -> tuple[tuple[str, ...], list
     for row in rows:
         if row.outcome != RUN:
             words = row.outcome if row.outcome != "refused" else f"refused: {row.reason}"
-            lines.append((_named(row), words, *("–",) * (len(titles) - 2)))
+            lines.append((_name_row(row), words, *("–",) * (len(titles) - 2)))
             continue
         speed = f"{row.log_s / row.processor_s:.0f}" if row.processor_s else "–"
         cells = [f"{row.figures[name]:.3g}" for name in shown]
-        lines.append((_named(row), *cells, f"{row.processor_s:.3g}", speed))
+        lines.append((_name_row(row), *cells, f"{row.processor_s:.3g}", speed))
     for program in dict.fromkeys(one.program for one in about.published):
         stated = {one.statistic: one for one in about.published if one.program == program}
-        cells = [_stated(stated[name]) if name in stated else "–" for name in shown]
+        cells = [_state_published(stated[name]) if name in stated else "–" for name in shown]
         lines.append((f"{program}, published", *cells, "–", "–"))
     return titles, lines
 
 
-def _named(row: Row) -> str:
+def _name_row(row: Row) -> str:
     return f"{row.program} {row.version}".strip()
 
 
-def _stated(one: Any) -> str:
+def _state_published(one: Any) -> str:
     if one.kind == "range":
         return f"{one.figure:g} to {one.highest:g}"
     return f"< {one.figure:g} (tolerance)" if one.kind == "tolerance" else f"{one.figure:g}"
 
 
-def notes_of(about: DataSet) -> list[str]:
+def list_notes(about: DataSet) -> list[str]:
     """Return what must be known with the table of a set: where protocol, settings and figures are from."""
     places = dict.fromkeys((one.program, one.where) for one in about.published if one.where != "as above")
     return [*about.terms, *(f"{program}, published: {where}" for program, where in places)]

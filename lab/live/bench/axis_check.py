@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from lab.analysis.calibration.imu_calibration import GRAVITY_SIGMA
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
-from lab.data.checks.imu_axes import signed
+from lab.data.checks.imu_axes import iterate_signed_axes
 from lab.data.streams.axis_map import AXES, AxisMap
 from lab.live.bench.six_positions import AccelerometerErrors, accelerometer_errors
-from lab.live.bench.static_interval import AxisCheckError, StaticInterval, static_interval, turned
+from lab.live.bench.static_interval import AxisCheckError, StaticInterval, net_turn, static_interval
 
 Axis = tuple[int, int, int]
 
@@ -144,14 +144,15 @@ class AxisCheck:
             turn showed the same. Nothing is changed then.
         """
         if name in TURNS:
-            return self._take_turn(name, rows)
+            return self._observe_turn(name, rows)
         if name not in POSITIONS:
             raise AxisCheckError(f"{name!r}; accepted are {', '.join((*POSITIONS, *TURNS))}")
         found = static_interval(rows)
-        shown, tilt = _nearest(found.force)
+        shown, tilt = _nearest_axis(found.force)
         if tilt > TILT:
             raise AxisCheckError(
-                f"{name}: no axis of the device is vertical; the nearest, {_shown(shown)}, is tilted by "
+                f"{name}: no axis of the device is vertical; the nearest, {_format_axis(shown)}, is "
+                "tilted by "
                 f"{np.degrees(tilt):.0f}°; accepted are {np.degrees(TILT):g}°"
             )
         _refuse_alike(name, shown, self.positions)
@@ -206,12 +207,12 @@ class AxisCheck:
             )
         return CheckedAxes(axes, self._sentence(axes, assumed=len(maps) > 1), errors)
 
-    def _take_turn(self, name: str, rows: NDArray[np.void]) -> AxisObservation:
+    def _observe_turn(self, name: str, rows: NDArray[np.void]) -> AxisObservation:
         bias = np.mean([one.rate for one in self.still.values()], axis=0) if self.still else None
-        shown, tilt = _nearest(turned(rows, bias))
+        shown, tilt = _nearest_axis(net_turn(rows, bias))
         if tilt > TURN_TILT:
             raise AxisCheckError(
-                f"{name}: the device turned about no single axis; the nearest, {_shown(shown)}, is "
+                f"{name}: the device turned about no single axis; the nearest, {_format_axis(shown)}, is "
                 f"{np.degrees(tilt):.0f}° off; accepted are {np.degrees(TURN_TILT):g}°"
             )
         _refuse_alike(name, shown, self.turns)
@@ -219,26 +220,31 @@ class AxisCheck:
         return self.turns[name]
 
     def _fit(self, C: FloatArray, sign: int) -> bool:
-        return _explains(C, sign, self.positions) and _explains(C, 1, self.turns)
+        return _explains_observation(C, sign, self.positions) and _explains_observation(C, 1, self.turns)
 
     def _why_none(self) -> str:
         """Return why no right-handed map explains what was seen."""
-        forces = [C for C in _ALL if _explains(C, 1, self.positions)]
+        forces = [C for C in _ALL if _explains_observation(C, 1, self.positions)]
         if not forces:
             return (
                 "The positions contradict each other: opposite faces must show opposite axes, "
-                f"perpendicular faces different ones. Seen were {_listed(self.positions)}. Take them again."
+                f"perpendicular faces different ones. Seen were {_list_observations(self.positions)}. "
+                "Take them again."
             )
-        if not any(_explains(C, 1, self.turns) for C in _ALL):
-            return f"The turns contradict each other: seen were {_listed(self.turns)}. Take them again."
-        if not any(_explains(C, 1, self.turns) for C in _TURNS):
+        if not any(_explains_observation(C, 1, self.turns) for C in _ALL):
+            return (
+                f"The turns contradict each other: seen were {_list_observations(self.turns)}. "
+                "Take them again."
+            )
+        if not any(_explains_observation(C, 1, self.turns) for C in _TURNS):
             return (
                 "The gyros form a mirror image (left-handed axes): the sign of one gyro is wrong, or a turn "
-                f"went the other way. Seen were {_listed(self.turns)}."
+                f"went the other way. Seen were {_list_observations(self.turns)}."
             )
         return (
             "Gyros and accelerometers disagree: no right-handed axes explain both "
-            f"{_listed(self.positions)} and {_listed(self.turns)}. The sign of one axis is wrong, or a "
+            f"{_list_observations(self.positions)} and {_list_observations(self.turns)}. The sign of one "
+            "axis is wrong, or a "
             "position or turn was not the named one."
         )
 
@@ -270,7 +276,7 @@ class AxisCheck:
         return text
 
 
-def _nearest(vector: FloatArray) -> tuple[Axis, float]:
+def _nearest_axis(vector: FloatArray) -> tuple[Axis, float]:
     """Return the signed axis next to a vector (3,), and the angle between them [rad]."""
     k = int(np.abs(vector).argmax())
     axis = [0, 0, 0]
@@ -283,12 +289,12 @@ def _refuse_alike(name: str, shown: Axis, others: dict[str, AxisObservation]) ->
     for other in others.values():
         if other.name != name and other.shown == shown:
             raise AxisCheckError(
-                f"{name}: the device shows {_shown(shown)} as in {other.name}, so the two are alike; "
+                f"{name}: the device shows {_format_axis(shown)} as in {other.name}, so the two are alike; "
                 "accepted is another face or another direction for each name"
             )
 
 
-def _explains(C: FloatArray, sign: int, seen: dict[str, AxisObservation]) -> bool:
+def _explains_observation(C: FloatArray, sign: int, seen: dict[str, AxisObservation]) -> bool:
     return all((sign * np.array(one.named) @ C == one.shown).all() for one in seen.values())
 
 
@@ -296,7 +302,7 @@ def _name(axis: Axis | list[float]) -> str:
     return next(name for name, row in AXES.items() if list(axis) == row)
 
 
-def _shown(axis: Axis) -> str:
+def _format_axis(axis: Axis) -> str:
     """Return the name of an axis for a reader, with a minus sign."""
     return _name(axis).replace("-", "−")
 
@@ -306,11 +312,11 @@ def _line(axis: Axis) -> int:
     return int(np.abs(axis).argmax())
 
 
-def _listed(seen: dict[str, AxisObservation]) -> str:
-    return ", ".join(f"{one.name} ({_shown(one.shown)})" for one in seen.values())
+def _list_observations(seen: dict[str, AxisObservation]) -> str:
+    return ", ".join(f"{one.name} ({_format_axis(one.shown)})" for one in seen.values())
 
 
-_ALL = tuple(signed(range(3)))
+_ALL = tuple(iterate_signed_axes(range(3)))
 """All 48 arrangements of axes along axes, mirror images included."""
 _TURNS = [C for C in _ALL if np.linalg.det(C) > 0]
 """The 24 of them that a device can be turned to."""

@@ -48,7 +48,7 @@ class FieldSphere(NamedTuple):
         )
 
 
-def sphere_of(fields: FloatArray) -> FieldSphere | None:
+def fit_sphere(fields: FloatArray) -> FieldSphere | None:
     """Return the sphere through fields; None if they do not show one.
 
     Parameters

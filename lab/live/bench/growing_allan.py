@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lab.analysis import allan
 from lab.analysis.rest import OFF_GRAVITY, Record
 from lab.base.arrays import FloatArray
-from lab.base.parameters.counted import counted, were
+from lab.base.parameters.counted import count_noun, was_or_were
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.clock.timed_samples import TIMED_IMU
 from lab.data.streams.live_log import usable_imu
@@ -130,11 +130,11 @@ class GrowingAllan:
             return math.nan
         length = max(round(tau / self.dt), 1)
         low, high = max(LEAST_CLUSTERS * length, allan.MIN_SAMPLES), 4 * length + allan.MIN_SAMPLES
-        while not _reaches(high, length):
+        while not _reaches_length(high, length):
             high *= 2
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (low, middle) if _reaches(middle, length) else (middle, high)
+            low, high = (low, middle) if _reaches_length(middle, length) else (middle, high)
         return max(high - self._count, 0) * self.dt
 
     @property
@@ -142,13 +142,13 @@ class GrowingAllan:
         """The state in words."""
         if not self._count:
             return f"Waiting for samples of a device at rest. {self.why}".rstrip()
-        text = (
-            f"At rest for {self.duration:.0f} s, {counted(self._count, 'value')} with {1 / self.dt:.4g} Hz."
-        )
+        values = count_noun(self._count, "value")
+        text = f"At rest for {self.duration:.0f} s, {values} with {1 / self.dt:.4g} Hz."
         if self._halved:
             text += f" {2**self._halved} samples are averaged to one value, so that the memory stays bounded."
         if self.filled:
-            text += f" {counted(self.filled, 'missing sample')} {were(self.filled)} filled with the next one."
+            missing = count_noun(self.filled, "missing sample")
+            text += f" {missing} {was_or_were(self.filled)} filled with the next one."
         return f"{text} {self.why}".rstrip()
 
     def _begin(self) -> None:
@@ -163,7 +163,7 @@ class GrowingAllan:
         self._before: FloatArray | None = None  # means of the last second
         self._usual: FloatArray | None = None  # spread of a second
 
-    def _again(self, why: str) -> None:
+    def _begin_again(self, why: str) -> None:
         elapsed = self.duration
         self._begin()
         self.restarts += 1
@@ -177,16 +177,16 @@ class GrowingAllan:
         breaks = np.flatnonzero((steps > min(LONGEST_GAP, MOST_FILLED * self._step)) | (steps <= 0))
         part = rows[: breaks[0]] if breaks.size else rows
         if part.size:
-            end = self._moved(part)
+            end = self._describe_motion(part)
             if end is not None:
-                self._again(end)
+                self._begin_again(end)
                 return rows[part.size :]
             self._keep(part, steps[: part.size])
         if breaks.size:
             late = steps[breaks[0]] <= 0
             if late and time[breaks[0]] > before - LONGEST_GAP:  # a repeated row
                 return np.delete(rows, np.s_[: breaks[0] + 1])
-            self._again("The clock was set back" if late else f"{steps[breaks[0]]:.1f} s are missing")
+            self._begin_again("The clock was set back" if late else f"{steps[breaks[0]]:.1f} s are missing")
             self._waiting = rows[breaks[0] :]
             return rows[:0]
         return rows[:0]
@@ -226,7 +226,7 @@ class GrowingAllan:
         self._values[self._count : end] = values
         self._count = end
 
-    def _moved(self, rows: NDArray[np.void]) -> str | None:
+    def _describe_motion(self, rows: NDArray[np.void]) -> str | None:
         """Return how the device moved in the seconds that these rows end; None if it did not."""
         values = np.concatenate((self._block, np.concatenate((rows["rate"], rows["force"]), axis=1)))
         size = max(round(SECOND / self._step), LEAST_BLOCK)
@@ -258,6 +258,6 @@ class GrowingAllan:
         return "The device was shaken" if shaken else None
 
 
-def _reaches(samples: int, length: int) -> bool:
+def _reaches_length(samples: int, length: int) -> bool:
     """Return whether the deviation of a record reaches an averaging length in samples."""
     return bool(allan.cluster_lengths(samples)[-1] >= length)

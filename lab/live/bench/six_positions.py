@@ -38,8 +38,8 @@ class AccelerometerErrors(NamedTuple):
     scale_sigma: FloatArray
 
     def __str__(self) -> str:
-        bias = _listed(self.bias, self.bias_sigma, 3)
-        scale = _listed(100 * self.scale, 100 * self.scale_sigma, 2)
+        bias = _format_values(self.bias, self.bias_sigma, 3)
+        scale = _format_values(100 * self.scale, 100 * self.scale_sigma, 2)
         return f"Accelerometers forward, right, down: bias {bias} m/s², scale factor {scale} % (1 σ)."
 
 
@@ -73,7 +73,7 @@ def accelerometer_errors(
     return AccelerometerErrors(bias, spread[:3], gain - 1, spread[3:])
 
 
-def _listed(values: FloatArray, sigmas: FloatArray, least: int) -> str:
+def _format_values(values: FloatArray, sigmas: FloatArray, least: int) -> str:
     """Return values with their σ, with two digits of the smallest σ, and at least as many places as named."""
     smallest = max(float(sigmas.min()), _SMALLEST)
     digits = max(least, 1 - math.floor(math.log10(smallest)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.rest import OFF_GRAVITY
 from lab.base.arrays import FloatArray
-from lab.base.parameters.counted import counted
+from lab.base.parameters.counted import count_noun
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.streams.live_log import usable_imu
 from lab.motion.frames import earth
@@ -103,7 +103,8 @@ def static_interval(rows: NDArray[np.void]) -> StaticInterval:
     count = round(HELD / BLOCK)
     if rows.size < _EACH * count or time[-1] - time[0] < HELD * (1 - _SHORT) - np.median(np.diff(time)):
         raise AxisCheckError(
-            f"{counted(rows.size, 'sample')} came, too few; accepted are {HELD:g} s, with {_EACH / BLOCK:g} "
+            f"{count_noun(rows.size, 'sample')} came, too few; accepted are {HELD:g} s, with "
+            f"{_EACH / BLOCK:g} "
             "samples a second or more"
         )
     values = np.concatenate((rows["rate"], rows["force"]), axis=1)
@@ -143,7 +144,7 @@ def static_interval(rows: NDArray[np.void]) -> StaticInterval:
     return StaticInterval(mean[:3], sigma[:3], mean[3:], sigma[3:], count * size * step)
 
 
-def turned(rows: NDArray[np.void], bias: FloatArray | None = None) -> FloatArray:
+def net_turn(rows: NDArray[np.void], bias: FloatArray | None = None) -> FloatArray:
     """Return the net angle (3,) of a turn about one axis, in the axes of the device [rad].
 
     Parameters
@@ -160,7 +161,7 @@ def turned(rows: NDArray[np.void], bias: FloatArray | None = None) -> FloatArray
     """
     rows = rows[usable_imu(rows)]
     if rows.size < 2:
-        raise AxisCheckError(f"{counted(rows.size, 'sample')} came, too few; accepted is the whole turn")
+        raise AxisCheckError(f"{count_noun(rows.size, 'sample')} came, too few; accepted is the whole turn")
     rates = rows["rate"] - (np.zeros(3) if bias is None else bias)
     angle = np.trapezoid(rates, rows["time"], axis=0)
     size = float(np.linalg.norm(angle))

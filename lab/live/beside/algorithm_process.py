@@ -23,7 +23,7 @@ from lab.live.beside.live_algorithm import (
     LiveAlgorithmError,
     Piece,
     load_live_algorithm,
-    stepped,
+    step_algorithm,
 )
 from lab.run.memory import limit_memory
 
@@ -78,7 +78,7 @@ class AlgorithmProcess:
         self._answer(START, f"did not start within {START:g} s")
 
     def step(self, piece: Piece) -> FloatArray:
-        """Return the attitudes (k, 4) of a piece, as of `lab.live.beside.live_algorithm.stepped`.
+        """Return the attitudes (k, 4) of a piece, as of `lab.live.beside.live_algorithm.step_algorithm`.
 
         Raises
         ------
@@ -124,14 +124,14 @@ class AlgorithmProcess:
 
 def _serve(line: Connection, name: str, given: object) -> None:
     """Step an algorithm until the line is closed; in the process."""
-    _stand_back()
+    _prepare_process()
     try:
         algorithm = load_live_algorithm(given) if isinstance(given, str) else given.made()  # type: ignore[attr-defined]
         if not callable(getattr(algorithm, "step", None)):
             raise LiveAlgorithmError(f"{name}: has no method step(imu, fixes)")
         line.send_bytes(_READY)
         while True:
-            line.send_bytes(_ATTITUDES + stepped(algorithm, name, line.recv()).tobytes())
+            line.send_bytes(_ATTITUDES + step_algorithm(algorithm, name, line.recv()).tobytes())
     except EOFError:
         return
     except ValueError as error:  # a place, a source or an attitude that is not accepted
@@ -144,7 +144,7 @@ def _end_with(parent: BaseProcess) -> None:
     os._exit(1)
 
 
-def _stand_back() -> None:
+def _prepare_process() -> None:
     """End with the process that waits for this one, print beside its output, and take what others leave."""
     parent = parent_process()
     if parent is not None:

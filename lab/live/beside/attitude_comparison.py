@@ -139,7 +139,7 @@ class AttitudeComparison:
         count = int(max(np.floor(last * RATE) + 1 - begin, 0)) if newest else 0
         time = (begin + np.arange(count)) / RATE
         self._next = begin + count
-        rows = self._joined(time)
+        rows = self._join_attitudes(time)
         self._rows.append(time=time, q_nb=rows)
         self._rows.forget(self._rows.end - KEPT)
         return time, _euler(rows)
@@ -191,7 +191,7 @@ class AttitudeComparison:
         readings = read.reading[np.isfinite(read.reading["attitude"]).all(axis=1)]
         self._parts[-1].add(readings["time"], readings["attitude"])
 
-    def _joined(self, time: FloatArray) -> FloatArray:
+    def _join_attitudes(self, time: FloatArray) -> FloatArray:
         """Return the attitudes (n, s, 4) of all at some times of ours."""
         rows = np.full((time.size, len(self.names), 4), np.nan)
         for number, one in enumerate(self._parts):
@@ -265,8 +265,8 @@ def _difference(pair: tuple[str, str], time: FloatArray, one: FloatArray, two: F
     seconds = float(steps[steps < _JOINED].sum())
     if time.size < 2:
         return Difference(*pair, seconds, *([np.nan] * 5))
-    cosine = np.sum(_down(one) * _down(two), axis=1)
-    sine = np.linalg.norm(np.cross(_down(one), _down(two)), axis=1)
+    cosine = np.sum(_down_in_body(one) * _down_in_body(two), axis=1)
+    sine = np.linalg.norm(np.cross(_down_in_body(one), _down_in_body(two)), axis=1)
     first, second = euler_from_quaternion(one), euler_from_quaternion(two)
     flat = np.maximum(np.abs(first[:, 1]), np.abs(second[:, 1])) < STEEP
     angles = np.asarray(wrap(first[flat] - second[flat]))
@@ -285,7 +285,7 @@ def _difference(pair: tuple[str, str], time: FloatArray, one: FloatArray, two: F
     )
 
 
-def _down(q_nb: FloatArray) -> FloatArray:
+def _down_in_body(q_nb: FloatArray) -> FloatArray:
     """Return the direction down (n, 3) in the axes of the vehicle: the last row of C_nb."""
     w, x, y, z = q_nb.T
     return np.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), axis=-1)

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import xarray as xr
 
-from lab.base.python_file import described
+from lab.base.python_file import describe_error
 from lab.data.streams.source import Source
 from lab.live.beside.attitude_comparison import HEAD, AttitudeComparison, Difference
 from lab.live.beside.live_algorithm import LiveAlgorithmError
@@ -50,7 +50,7 @@ class AttitudeLaboratory:
     def __init__(
         self, source: Source, algorithms: tuple[Any, ...], sensors: SensorSuite, navigator: NavigatorSettings
     ) -> None:
-        given = [(_name_of(one), _given_of(one)) for one in algorithms]
+        given = [(_name_algorithm(one), _recipe_of_algorithm(one)) for one in algorithms]
         self.station = Station(source, sensors, navigator, source.address)
         try:
             self.algorithms: list[OwnAlgorithm] = [self.station.beside(*one) for one in given]
@@ -97,13 +97,13 @@ class AttitudeLaboratory:
         return "\n".join([*lines, *(one.sentence for one in self.algorithms if one.sentence)])
 
 
-def _name_of(algorithm: Any) -> str:
+def _name_algorithm(algorithm: Any) -> str:
     if isinstance(algorithm, str):
         return algorithm.rpartition(":")[2] or algorithm
     return algorithm.__name__ if isinstance(algorithm, type) else type(algorithm).__name__
 
 
-def _given_of(algorithm: Any) -> object:
+def _recipe_of_algorithm(algorithm: Any) -> object:
     """Return what makes the algorithm in another process."""
     if isinstance(algorithm, str):
         return algorithm
@@ -112,7 +112,8 @@ def _given_of(algorithm: Any) -> object:
             algorithm = algorithm()
         except (Exception, SystemExit) as error:
             raise LiveAlgorithmError(
-                f"{algorithm.__name__}: called without arguments, it fails: {described(error)}; accepted "
+                f"{algorithm.__name__}: called without arguments, it fails: {describe_error(error)}; "
+                "accepted "
                 "is an object, or a class without arguments"
             ) from error
     return AlgorithmSource.of(algorithm)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.python_file import PythonFileError, described, load_object
+from lab.base.python_file import PythonFileError, describe_error, load_object
 
 FORM: Final = "FILE.py:Name, such as my_filter.py:MyFilter"
 OFF_UNIT: Final = 1e-3
@@ -97,7 +97,7 @@ class Piece(NamedTuple):
     fixes: FixPiece
 
 
-def stepped(algorithm: LiveAlgorithm, name: str, piece: Piece) -> FloatArray:
+def step_algorithm(algorithm: LiveAlgorithm, name: str, piece: Piece) -> FloatArray:
     """Return the attitudes (k, 4) that an algorithm gives for a piece: k is n, or 1, or 0 for none yet.
 
     Raises
@@ -108,7 +108,7 @@ def stepped(algorithm: LiveAlgorithm, name: str, piece: Piece) -> FloatArray:
     try:
         found = algorithm.step(*piece)
     except (Exception, SystemExit, KeyboardInterrupt) as error:
-        raise LiveAlgorithmError(f"{name}: raised an exception: {described(error)}") from error
+        raise LiveAlgorithmError(f"{name}: raised an exception: {describe_error(error)}") from error
     if found is None:
         return np.zeros((0, 4))
     try:
@@ -151,7 +151,7 @@ def load_live_algorithm(place: str) -> LiveAlgorithm:
     return found
 
 
-def pieces_of(imu: NDArray[np.void], fixes: FixPiece, before: float, longest: float) -> list[Piece]:
+def cut_pieces(imu: NDArray[np.void], fixes: FixPiece, before: float, longest: float) -> list[Piece]:
     """Return samples and fixes in pieces; each fix is in the first piece that ends after it.
 
     Parameters

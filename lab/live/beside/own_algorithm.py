@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
-from lab.base.parameters.counted import counted
-from lab.data.streams.live_log import gnss_of, usable_fixes, usable_imu
+from lab.base.parameters.counted import count_noun
+from lab.data.streams.live_log import make_gnss_log, usable_fixes, usable_imu
 from lab.data.streams.ring import Cursor
 from lab.data.streams.rolling import Rolling
 from lab.data.streams.source import Source
 from lab.live.beside.algorithm_process import AlgorithmProcess
-from lab.live.beside.live_algorithm import FixPiece, LiveAlgorithmError, pieces_of
+from lab.live.beside.live_algorithm import FixPiece, LiveAlgorithmError, cut_pieces
 from lab.live.live_history import KEPT, RATE
 
 STARTING: Final = "starting"
@@ -97,7 +97,7 @@ class OwnAlgorithm:
         """How it fares, in a sentence."""
         if self.state == STARTING:
             return f"{self.name} is being loaded."
-        lost = f" {counted(self._lost, 'sample')} were lost to it." if self._lost else ""
+        lost = f" {count_noun(self._lost, 'sample')} were lost to it." if self._lost else ""
         if self.state == ENDED:
             return f"{self.failure}. It is ended; the navigator goes on.{lost}" if self.failure else ""
         behind = self.behind
@@ -190,9 +190,9 @@ class OwnAlgorithm:
         return None
 
     def _step_over(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> None:
-        gnss = gnss_of(fix[usable_fixes(fix)])
+        gnss = make_gnss_log(fix[usable_fixes(fix)])
         fixes = FixPiece(gnss.time, gnss.position, gnss.velocity_n, gnss.position_sigma)
-        for piece in pieces_of(imu[usable_imu(imu)], fixes, self._done, PIECE):
+        for piece in cut_pieces(imu[usable_imu(imu)], fixes, self._done, PIECE):
             begin = time.monotonic()
             q_nb = self._process.step(piece)
             last = float(piece.imu.time[-1])

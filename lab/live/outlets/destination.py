@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from lab.data.protocols.nmea_encoder import TALKER
-from lab.data.streams.address import LAST_PORT, options_of
+from lab.data.streams.address import LAST_PORT, parse_options
 from lab.data.streams.transport import TransportError
 from lab.live.phone.invitation import is_loopback
 
@@ -96,13 +96,13 @@ class Destination:
         kind, colon, place = address.partition(":")
         if kind not in FORMS or not address.isprintable():
             raise TransportError(f"{text!r} is no place to send to; accepted are {', '.join(FORMS.values())}")
-        options = options_of(text, query, strict=bool(mark))
+        options = parse_options(text, query, strict=bool(mark))
         for name in options:
             if name not in _OPTIONS[kind]:
                 raise TransportError(
                     f"{text!r}: {name!r} is no option of {kind}; accepted are {', '.join(_OPTIONS[kind])}"
                 )
-        host, port, path = _where(text, kind, colon + place)
+        host, port, path = _parse_place(text, kind, colon + place)
         origins = frozenset(
             one.strip().lower() for one in options.get("origin", "").split(",") if one.strip()
         )
@@ -120,11 +120,11 @@ class Destination:
             host,
             port,
             path,
-            protocol=_chosen(text, options, "protocol", PROTOCOLS),
+            protocol=_choose_option(text, options, "protocol", PROTOCOLS),
             hz=_number(text, options, "hz", hz, *RATES),
             geoid=_number(text, options, "geoid", math.nan, -GEOID, GEOID),
             talker=talker,
-            by_computer=_chosen(text, options, "utc", CLOCKS) == CLOCKS[1],
+            by_computer=_choose_option(text, options, "utc", CLOCKS) == CLOCKS[1],
             origins=origins,
         )
 
@@ -134,7 +134,7 @@ class Destination:
         return self.kind in {"tcp", "ws"} and not is_loopback(self.host)
 
 
-def _where(text: str, kind: str, rest: str) -> tuple[str, int, Path]:
+def _parse_place(text: str, kind: str, rest: str) -> tuple[str, int, Path]:
     """Return host and port, or path, of what stands behind the kind, with its colon."""
     place = rest.removeprefix(":")
     if kind == "pty":
@@ -159,7 +159,7 @@ def _where(text: str, kind: str, rest: str) -> tuple[str, int, Path]:
     return host or HOME, int(port), Path()
 
 
-def _chosen(text: str, options: Mapping[str, str], name: str, accepted: tuple[str, ...]) -> str:
+def _choose_option(text: str, options: Mapping[str, str], name: str, accepted: tuple[str, ...]) -> str:
     """Return what an option says; the first that is accepted where it is not given."""
     value = options.get(name, accepted[0])
     if value not in accepted:

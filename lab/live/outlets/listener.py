@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Final
 
-from lab.data.protocols.foxglove import SUBPROTOCOLS, Conversation, messages_of, stamp_of
+from lab.data.protocols.foxglove import SUBPROTOCOLS, Conversation, make_messages, time_stamp
 from lab.data.protocols.sent_solution import SentSolution
 from lab.live.outlets.destination import Destination
 from lab.live.phone.invitation import in_address
@@ -71,7 +71,7 @@ class Reader:
             self._more.clear()
             await self._more.wait()
 
-    async def emptied(self) -> None:
+    async def wait_until_empty(self) -> None:
         """Wait until nothing waits."""
         await self._idle.wait()
 
@@ -107,7 +107,7 @@ class Listener:
         """Listen."""
         place = self._destination
         self._server = await asyncio.start_server(self._serve, place.host, place.port, limit=LARGEST_MESSAGE)
-        self._opened()
+        self._open_socket()
 
     def send(self, solution: SentSolution) -> None:
         """Give the row to all readers."""
@@ -118,14 +118,14 @@ class Listener:
 
     async def close(self) -> None:
         """Wait a moment for the readers, and end."""
-        waiting = [reader.emptied() for reader in self._readers]
+        waiting = [reader.wait_until_empty() for reader in self._readers]
         if waiting:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(asyncio.gather(*waiting), LONGEST_CLOSE)
         if self._server is not None:
             self._server.close()
 
-    def _opened(self) -> None:
+    def _open_socket(self) -> None:
         host, port = self._server.sockets[0].getsockname()[:2]
         self.place = f"{self._destination.kind}://{in_address(host, port)}"
 
@@ -182,7 +182,7 @@ class WebSocket(Listener):
         from websockets.typing import Subprotocol  # noqa: PLC0415
 
         self._server = await serve(
-            self._meet,
+            self._greet_client,
             self._destination.host,
             self._destination.port,
             process_request=self._check,
@@ -195,15 +195,15 @@ class WebSocket(Listener):
             write_limit=1,
             close_timeout=LONGEST_CLOSE,
         )
-        self._opened()
+        self._open_socket()
 
     def send(self, solution: SentSolution) -> None:
         """Give the row to all readers, to each as it wants it."""
         data = self._write(solution)
-        messages = messages_of(solution) if self._conversations else {}
+        messages = make_messages(solution) if self._conversations else {}
         for reader in self._readers:
             conversation = self._conversations.get(reader)
-            row = [data] if conversation is None else conversation.written(stamp_of(solution), messages)
+            row = [data] if conversation is None else conversation.written(time_stamp(solution), messages)
             if row and row[0]:
                 reader.put(row)
 
@@ -226,7 +226,7 @@ class WebSocket(Listener):
             return connection.respond(503, "There are too many readers.\n")
         return None
 
-    async def _meet(self, connection: Any) -> None:
+    async def _greet_client(self, connection: Any) -> None:
         transport = connection.transport
         transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
         reader, is_text = Reader(), self._destination.protocol != "mavlink"

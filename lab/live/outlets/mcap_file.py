@@ -55,7 +55,7 @@ class McapFile:
             schema = struct.pack("<H", one.number) + _texts(one.schema_name, "jsonschema", one.schema)
             channel = struct.pack("<HH", one.number, one.number) + _texts(one.topic, "json", "")
             self._declared += _record(_SCHEMA, schema) + _record(_CHANNEL, channel)
-        self._put(MAGIC + _record(_HEADER, _texts("", "INS Lab")) + self._declared)
+        self._write_bytes(MAGIC + _record(_HEADER, _texts("", "INS Lab")) + self._declared)
         self._file.flush()
 
     def write(self, time: int, messages: dict[int, bytes]) -> None:
@@ -77,7 +77,7 @@ class McapFile:
             return
         if self._parts:
             self._end_chunk()
-        self._put(_record(_DATA_END, bytes(4)))
+        self._write_bytes(_record(_DATA_END, bytes(4)))
         start = self._at
         first, last = self._span or (0, 0)
         counts = b"".join(struct.pack("<HQ", number, count) for number, count in self._sequence.items())
@@ -85,8 +85,8 @@ class McapFile:
             "<QHIIIIQQI", sum(self._sequence.values()), len(CHANNELS), len(CHANNELS), 0, 0, len(self._chunks),
             first, last, len(counts),
         )  # fmt: skip
-        self._put(self._declared + b"".join(self._chunks) + _record(_STATISTICS, head + counts))
-        self._put(_record(_FOOTER, struct.pack("<QQI", start, 0, 0)) + MAGIC)
+        self._write_bytes(self._declared + b"".join(self._chunks) + _record(_STATISTICS, head + counts))
+        self._write_bytes(_record(_FOOTER, struct.pack("<QQI", start, 0, 0)) + MAGIC)
         self._file.close()
 
     def _end_chunk(self) -> None:
@@ -98,13 +98,13 @@ class McapFile:
         records = b"".join(self._parts)
         start = self._at
         head = struct.pack("<QQQI", first, last, len(records), zlib.crc32(records))
-        self._put(_record(_CHUNK, head + _texts("") + struct.pack("<Q", len(records)) + records))
+        self._write_bytes(_record(_CHUNK, head + _texts("") + struct.pack("<Q", len(records)) + records))
         length, offsets = self._at - start, b""
         begun = self._at
         for number, found in self._times.items():
             offsets += struct.pack("<HQ", number, self._at)
             pairs = b"".join(struct.pack("<QQ", *pair) for pair in found)
-            self._put(_record(_MESSAGE_INDEX, struct.pack("<HI", number, len(pairs)) + pairs))
+            self._write_bytes(_record(_MESSAGE_INDEX, struct.pack("<HI", number, len(pairs)) + pairs))
         index = struct.pack("<QQQQI", first, last, start, length, len(offsets)) + offsets
         index += struct.pack("<Q", self._at - begun) + _texts("")
         index += struct.pack("<QQ", len(records), len(records))
@@ -112,7 +112,7 @@ class McapFile:
         self._parts, self._size, self._times = [], 0, {}
         self._file.flush()
 
-    def _put(self, data: bytes) -> None:
+    def _write_bytes(self, data: bytes) -> None:
         self._file.write(data)
         self._at += len(data)
 

@@ -9,9 +9,9 @@ import socket
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from lab.data.protocols.foxglove import messages_of, stamp_of
+from lab.data.protocols.foxglove import make_messages, time_stamp
 from lab.data.protocols.mavlink_encoder import MavlinkSolution
-from lab.data.protocols.nmea_encoder import sentences_of
+from lab.data.protocols.nmea_encoder import encode_sentences
 from lab.data.protocols.sent_solution import SentSolution, json_line
 from lab.live.outlets.destination import Destination
 from lab.live.outlets.listener import Listener, WebSocket
@@ -44,7 +44,7 @@ class Outlet(Protocol):
         """Send what waits, at most for `lab.live.outlets.listener.LONGEST_CLOSE`, and close."""
 
 
-def writer_of(destination: Destination) -> Callable[[SentSolution], bytes]:
+def choose_writer(destination: Destination) -> Callable[[SentSolution], bytes]:
     """Return what writes a solution in the protocol of a destination.
 
     Raises
@@ -53,15 +53,15 @@ def writer_of(destination: Destination) -> Callable[[SentSolution], bytes]:
         If a library for it is not installed.
     """
     if destination.protocol == "nmea":
-        return lambda solution: sentences_of(solution, destination.talker)
+        return lambda solution: encode_sentences(solution, destination.talker)
     return MavlinkSolution().written if destination.protocol == "mavlink" else json_line
 
 
-def outlet_of(destination: Destination) -> Outlet:
-    """Return the outlet of a destination; raises `ImportError` as `writer_of`."""
+def make_outlet(destination: Destination) -> Outlet:
+    """Return the outlet of a destination; raises `ImportError` as `choose_writer`."""
     if destination.kind == "mcap":
         return FileOutlet(destination)
-    write = writer_of(destination)
+    write = choose_writer(destination)
     if destination.kind == "udp":
         return Datagrams(destination, write)
     if destination.kind == "pty":
@@ -180,7 +180,7 @@ class FileOutlet(_Counting):
             self._lost += 1
             return
         try:
-            self._file.write(stamp_of(solution), messages_of(solution))
+            self._file.write(time_stamp(solution), make_messages(solution))
             self._sent += 1
         except OSError as error:
             self._fail(error)

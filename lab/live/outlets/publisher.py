@@ -17,7 +17,7 @@ from lab.data.protocols.sent_solution import SentSolution
 from lab.live.attitude_only import NORTH
 from lab.live.live_state import COASTING, LiveState
 from lab.live.outlets.destination import Destination
-from lab.live.outlets.outlet import Outlet, outlet_of
+from lab.live.outlets.outlet import Outlet, make_outlet
 from lab.live.pace import Pace
 
 QUEUE: Final = 100
@@ -118,17 +118,17 @@ class Publisher:
 
     def _run(self) -> None:
         try:
-            self._loop.run_until_complete(self._live())
+            self._loop.run_until_complete(self._follow_navigator())
         finally:
             self._loop.run_until_complete(self._loop.shutdown_default_executor())  # of names
             self._loop.close()
             self._ready.set()
 
-    async def _live(self) -> None:
+    async def _follow_navigator(self) -> None:
         try:
             for destination in self.destinations:
                 try:
-                    outlet = outlet_of(destination)
+                    outlet = make_outlet(destination)
                     await outlet.open()
                 except (OSError, ImportError) as error:
                     error.add_note(destination.text)

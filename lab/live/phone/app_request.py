@@ -11,7 +11,7 @@ import math
 from itertools import islice
 from typing import Any, Final, NamedTuple
 
-from lab.data.protocols.json_rows import LARGEST, number, parsed
+from lab.data.protocols.json_rows import LARGEST, number, parse_json
 from lab.data.protocols.phone_line import MOST_FIXES, MOST_SAMPLES, RADIANS, PhoneLine, Row
 from lab.data.protocols.samples import NAN
 from lab.live.phone.page_request import is_device, velocity
@@ -46,14 +46,14 @@ class AppRequest(NamedTuple):
     lines: list[PhoneLine]
 
 
-def app_request_of(body: bytes) -> AppRequest | None:
+def parse_app_request(body: bytes) -> AppRequest | None:
     """Return what a request says; None if it is anything else than a request of the app.
 
     Sensors that the lab does not use are left out. On Android ``accelerometer`` is without gravity, so
     ``totalacceleration`` is used; on Apple's phones the specific force is the sum of ``accelerometer`` and
     ``gravity``, with all signs turned unless the app is set to *Standardise Units & Frames*.
     """
-    said = parsed(body)
+    said = parse_json(body)
     if not isinstance(said, dict) or not is_device(said.get("deviceId")):
         return None
     payload, message = said.get("payload"), said.get("messageId")

@@ -53,17 +53,17 @@ def certificate_file(names: Iterable[str], folder: Path | None = None) -> Path:
     folder = data_folder() if folder is None else folder
     path = folder / _FILE
     wanted = set(names)
-    known = names_of(path)
+    known = read_certified_names(path)
     if known is not None and wanted <= known:
         return path
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     old = sorted((known or set()) - wanted)[: max(_MOST_NAMES - len(wanted), 0)]
-    content = _made(sorted(wanted) + old)
+    content = _make_certificate(sorted(wanted) + old)
     write_file(path, content, private=True)
     return path
 
 
-def names_of(path: Path) -> set[str] | None:
+def read_certified_names(path: Path) -> set[str] | None:
     """Return the names that the certificate of a file is for; None if it does not exist or expires soon."""
     from cryptography import x509  # noqa: PLC0415 - slow, and needed with phones only
     from cryptography.hazmat.primitives.serialization import load_pem_private_key  # noqa: PLC0415
@@ -86,7 +86,7 @@ def names_of(path: Path) -> set[str] | None:
     }
 
 
-def _made(names: list[str]) -> bytes:
+def _make_certificate(names: list[str]) -> bytes:
     """Return a new key and a certificate that it signs itself, as PEM."""
     from cryptography import x509  # noqa: PLC0415
     from cryptography.hazmat.primitives import hashes, serialization  # noqa: PLC0415

@@ -12,10 +12,10 @@ from typing import Any, Final
 
 from tornado.web import HTTPError, RequestHandler, stream_request_body
 
-from lab.live.phone.app_request import app_request_of
+from lab.live.phone.app_request import parse_app_request
 from lab.live.phone.hub import PhoneHub
 from lab.live.phone.limits import BODY, Connections
-from lab.live.phone.page_request import page_request_of
+from lab.live.phone.page_request import parse_page_request
 from lab.live.phone.phone import BAD, FOREIGN, Answer, Phone
 
 PAGE: Final = Path(__file__).with_name("page.html")
@@ -168,7 +168,7 @@ class SamplesHandler(BodyHandler):
     def post(self, _token: str) -> None:
         """Take them."""
         phone, body = self.accepted()
-        posted = page_request_of(body)
+        posted = parse_page_request(body)
         if posted is None:
             self.answer(phone, Answer(BAD, reason="this is no batch of samples"))
         elif not self.hub.claim(phone, posted.device, posted.name):
@@ -183,7 +183,7 @@ class PushHandler(BodyHandler):
     def post(self, _token: str) -> None:
         """Take them."""
         phone, body = self.accepted()
-        pushed = app_request_of(body)
+        pushed = parse_app_request(body)
         if pushed is None:
             self.answer(phone, Answer(BAD, reason="these are no readings of Sensor Logger"))
         elif not self.hub.claim(phone, pushed.device, ""):

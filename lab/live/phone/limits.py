@@ -102,7 +102,7 @@ class Connections:
         if stream is None or stream not in self._open:
             return
         host, _ = self._open.pop(stream)
-        others = list(self._of(phone))
+        others = list(self._streams_of_phone(phone))
         if len(others) >= EACH:
             self._close(others[0])
         self._open[stream] = host, phone
@@ -111,7 +111,7 @@ class Connections:
         """Count a closed connection no more."""
         self._open.pop(stream, None)
 
-    def _of(self, phone: int) -> Iterator[IOStream]:
+    def _streams_of_phone(self, phone: int) -> Iterator[IOStream]:
         return (stream for stream, (_, owner) in self._open.items() if owner == phone)
 
     def _close(self, stream: IOStream) -> None:

@@ -7,8 +7,15 @@ import re
 from itertools import pairwise
 from typing import Any, Final, NamedTuple, TypeGuard
 
-from lab.data.protocols.json_rows import number, parsed, rows_of
-from lab.data.protocols.phone_line import MOST_FIXES, MOST_SAMPLES, PhoneLine, Row, direction, whole
+from lab.data.protocols.json_rows import number, parse_json, read_rows
+from lab.data.protocols.phone_line import (
+    MOST_FIXES,
+    MOST_SAMPLES,
+    PhoneLine,
+    Row,
+    direction,
+    parse_whole_number,
+)
 from lab.data.protocols.samples import NAN
 
 MOST_BATCHES: Final = 100
@@ -47,13 +54,17 @@ class PageRequest(NamedTuple):
     batches: list[PhoneLine]
 
 
-def page_request_of(body: bytes) -> PageRequest | None:
+def parse_page_request(body: bytes) -> PageRequest | None:
     """Return what a request says; None if it is anything else than a request of the page."""
-    said = parsed(body)
+    said = parse_json(body)
     if not isinstance(said, dict):
         return None
     device, name, batches = said.get("device"), said.get("name"), said.get("batches")
-    run, oldest, origin = whole(said.get("run")), whole(said.get("oldest")), number(said.get("origin"))
+    run, oldest, origin = (
+        parse_whole_number(said.get("run")),
+        parse_whole_number(said.get("oldest")),
+        number(said.get("origin")),
+    )
     if not is_device(device) or not isinstance(name, str) or min(run, oldest) < 0 or math.isnan(origin):
         return None
     if not isinstance(batches, list) or len(batches) > MOST_BATCHES:
@@ -61,13 +72,13 @@ def page_request_of(body: bytes) -> PageRequest | None:
     apple = said.get("apple") is True
     lines = []
     for batch in batches:
-        line = _line_of(batch, origin / 1000, apple)
+        line = _make_line(batch, origin / 1000, apple)
         if line is None:
             return None
         lines.append(line)
     if any(one.number >= two.number for one, two in pairwise(lines)):
         return None
-    waiting = max(whole(said.get("waiting")), 0)
+    waiting = max(parse_whole_number(said.get("waiting")), 0)
     return PageRequest(device, run, name, oldest, waiting, lines)
 
 
@@ -76,13 +87,13 @@ def is_device(value: Any) -> TypeGuard[str]:
     return isinstance(value, str) and _DEVICE.fullmatch(value) is not None
 
 
-def _line_of(batch: Any, origin: float, apple: bool) -> PhoneLine | None:
+def _make_line(batch: Any, origin: float, apple: bool) -> PhoneLine | None:
     if not isinstance(batch, dict):
         return None
-    imu = rows_of(batch.get("imu"), 7, MOST_SAMPLES)
-    fixes = rows_of(batch.get("fix"), 9, MOST_FIXES)
-    turned = rows_of(batch.get("turned"), 4, MOST_SAMPLES)
-    count = whole(batch.get("number"))
+    imu = read_rows(batch.get("imu"), 7, MOST_SAMPLES)
+    fixes = read_rows(batch.get("fix"), 9, MOST_FIXES)
+    turned = read_rows(batch.get("turned"), 4, MOST_SAMPLES)
+    count = parse_whole_number(batch.get("number"))
     if imu is None or fixes is None or turned is None or count < 0:
         return None
     for row in imu:
@@ -90,7 +101,7 @@ def _line_of(batch: Any, origin: float, apple: bool) -> PhoneLine | None:
     return PhoneLine(
         count,
         origin,
-        whole(batch.get("first")),
+        parse_whole_number(batch.get("first")),
         apple=apple,
         up=direction(batch.get("up")),
         imu=imu,

@@ -149,7 +149,7 @@ class Phone:
     @property
     def expired(self) -> bool:
         """Whether the invitation is over."""
-        return self._withdrawn or self._left() <= 0
+        return self._withdrawn or self._time_left() <= 0
 
     def state(self) -> PhoneState:
         """Return what is known now."""
@@ -167,7 +167,7 @@ class Phone:
             rate = sum(count for time, count in self._recent if time > now - _RATE_OVER) / _RATE_OVER
             return PhoneState(
                 self.key, self.name, state, self._source, self._samples, self._fixes, rate, self._waiting,
-                self._lost, silence, max(self._left(), 0.0),
+                self._lost, silence, max(self._time_left(), 0.0),
             )  # fmt: skip
 
     def claim(self, device: str, name: Callable[[], str]) -> bool:
@@ -267,7 +267,7 @@ class Phone:
                 raise EOFError(f"{self.name} may not send any more: its invitation is over")
             return None
 
-    def _left(self) -> float:
+    def _time_left(self) -> float:
         return self._until[bool(self._device)] - self._clock()
 
     def _answer(self, status: int, reason: str = "") -> Answer:

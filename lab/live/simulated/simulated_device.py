@@ -50,7 +50,7 @@ class Misbehaviour:
     drift: float = 0.0
 
 
-def encoder_of(device: str) -> Encoder:
+def make_encoder(device: str) -> Encoder:
     """Return a new encoder of a device.
 
     Raises
@@ -79,13 +79,13 @@ def unsent_readings(device: str, reading: NDArray[np.void]) -> str:
     sentences = []
     for name in (aid.live for aid in SENT):
         rows = reading[np.isfinite(reading[name])][:1]
-        if len(rows) and not _sends(device, rows):
-            able = ", ".join(one for one in ENCODERS if _sends(one, rows))
+        if len(rows) and not _sends_reading(device, rows):
+            able = ", ".join(one for one in ENCODERS if _sends_reading(one, rows))
             sentences.append(f"This device sends no {name.replace('_', ' ')}s; accepted for them are {able}.")
     return " ".join(sentences)
 
 
-def _sends(device: str, reading: NDArray[np.void]) -> bool:
+def _sends_reading(device: str, reading: NDArray[np.void]) -> bool:
     try:
         write = getattr(ENCODERS[device](), "encode_readings", None)
     except ImportError:  # of a library that is not installed
@@ -147,7 +147,7 @@ class SimulatedDevice:
         self.latest = 0.0
         self._waiting: deque[tuple[float, bytes]] = deque()  # due times of the flight [s], and what was due
         self._moved = 0.0  # time of the flight when the line last took bytes, or none waited [s]
-        self._encoder = encoder_of(encoder) if isinstance(encoder, str) else encoder
+        self._encoder = make_encoder(encoder) if isinstance(encoder, str) else encoder
         self._endless = endless
         self._link = link
         self.plugged = False

@@ -129,7 +129,7 @@ class SimulatedFlight:
             experiment.set("trajectory.imu_rate", rate)
             experiment.update(dict(settings or {}))
             experiment.set_texts(assignments)
-            return cls._of(experiment.run(), rate, axes or AxisMap())
+            return cls._from_result(experiment.run(), rate, axes or AxisMap())
 
     def timed(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
         """Return samples and fixes as a source without delay would have them: `TIMED_IMU` and `TIMED_FIX`."""
@@ -158,7 +158,7 @@ class SimulatedFlight:
         return known.name if moves.any() and np.sqrt(np.mean(slip**2)) <= known.sideslip else UNKNOWN
 
     @classmethod
-    def _of(cls, result: Any, rate: float, axes: AxisMap) -> SimulatedFlight:
+    def _from_result(cls, result: Any, rate: float, axes: AxisMap) -> SimulatedFlight:
         dt = 1 / rate
         imu = imu_rows(
             result.truth_arrays.time[1:],
@@ -256,7 +256,7 @@ def fix_rows(fixes: GpsFixes, errors: GpsErrors) -> NDArray[np.void]:
 def _mission(name: str, rest: float, folder: Path) -> str:
     """Return the mission with a rest before it: its name, or the path of a recording made for it."""
     if name == REST:
-        return _written(_standing(max(rest, _LEAST_REST)), folder)
+        return _write_recording(_record_standing_device(max(rest, _LEAST_REST)), folder)
     found = mission(name)
     if isinstance(found, LogMission):
         raise TransportError(
@@ -271,7 +271,7 @@ def _mission(name: str, rest: float, folder: Path) -> str:
         raise TransportError(
             f"{name}: begins at {speed:.0f} m/s, so no rest can go before it; accepted is rest=0"
         )
-    return _written(_after_rest(recording, rest), folder)
+    return _write_recording(_after_rest(recording, rest), folder)
 
 
 def missing_rest(name: str, wanted: float) -> float:
@@ -295,7 +295,7 @@ def missing_rest(name: str, wanted: float) -> float:
     return max(round(wanted - own, 1), 0.0)
 
 
-def _standing(seconds: float) -> Recording:
+def _record_standing_device(seconds: float) -> Recording:
     """Return the recording of a device on a table."""
     time = np.arange(0.0, seconds + _STEP / 2, _STEP)
     alike = np.ones_like(time)
@@ -324,7 +324,7 @@ def _after_rest(recording: Recording, seconds: float) -> Recording:
     return Recording(time=time, velocity_n=velocity_n, **values)
 
 
-def _written(recording: Recording, folder: Path) -> str:
+def _write_recording(recording: Recording, folder: Path) -> str:
     path = folder / "flight.csv"
     write_flight_csv(path, recording)
     return str(path)

@@ -205,7 +205,7 @@ def local_link() -> Link:
     return TcpServer()
 
 
-def link_of(text: str) -> Link:
+def make_link(text: str) -> Link:
     """Return the link that a person named: ``pty``, ``tcp:PORT``, ``tcp:ADDRESS:PORT``, ``udp:ADDRESS:PORT``.
 
     Raises

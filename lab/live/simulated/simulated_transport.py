@@ -9,9 +9,9 @@ from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.network_transports import TcpConnection
 from lab.data.streams.serial_port import SerialPort
 from lab.data.streams.transport import Chunk, Transport, TransportError
-from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice, encoder_of
+from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice, make_encoder
 from lab.live.simulated.simulated_flight import REST, USUAL_REST, SimulatedFlight
-from lab.live.simulated.simulated_link import link_of, local_link
+from lab.live.simulated.simulated_link import local_link, make_link
 from lab.motion.truth.growing_truth import TrueFlight
 
 RATES = (1.0, 2000.0)
@@ -124,7 +124,7 @@ def open_simulated(address: Address) -> SimulatedTransport:
     )
     options = address.options
     mounted = options.get("mounted")
-    encoder = encoder_of(options.get("device", "vectornav"))
+    encoder = make_encoder(options.get("device", "vectornav"))
     over = options.get("over")
     if over is not None and over.startswith("udp"):
         raise TransportError(f"{address}: over = {over!r}; accepted are pty and tcp:0")
@@ -133,7 +133,7 @@ def open_simulated(address: Address) -> SimulatedTransport:
         1e-3 * address.number("jitter_ms", 0.0, 0.0, _MAX_JITTER, "ms"),
         1e-6 * address.number("drift_ppm", 0.0, -_MAX_DRIFT, _MAX_DRIFT, "ppm"),
     )
-    link = local_link() if over is None else link_of(over)
+    link = local_link() if over is None else make_link(over)
     flight = SimulatedFlight.of(
         address.place,
         address.number("hz", 100.0, *RATES, "Hz"),

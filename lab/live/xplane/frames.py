@@ -7,7 +7,7 @@ from collections import deque
 
 import numpy as np
 
-from lab.base.parameters.counted import counted, were
+from lab.base.parameters.counted import count_noun, was_or_were
 from lab.data.clock.limits import LIMITS
 from lab.data.protocols import xplane
 from lab.data.protocols.xplane import REFERENCES, Position, XPlanePackets
@@ -97,11 +97,11 @@ class XPlaneFrames:
                 self.untimed += 1
             elif (frame := _frame(position)) is None:
                 self.unbelievable += 1
-            elif (following := self._following(frame, position.arrival)) is not None:
+            elif (following := self._continue_flight(frame, position.arrival)) is not None:
                 found.append((following, position.arrival))
         return found
 
-    def _following(self, frame: Frame, arrival: float) -> Frame | None:
+    def _continue_flight(self, frame: Frame, arrival: float) -> Frame | None:
         """Return a frame that continues the flight, or None for one of the same moment."""
         last = self._last
         if last is None:
@@ -161,11 +161,11 @@ class XPlaneFrames:
                 found.append(f"The simulator's clock runs {pace:.1f} times as fast as that of this computer.")
         if self.bridged:
             found.append(
-                f"{counted(self.bridged, 'gap')} of up to {self.longest:.2f} s between frames "
-                f"{were(self.bridged)} bridged by the curve of the true motion."
+                f"{count_noun(self.bridged, 'gap')} of up to {self.longest:.2f} s between frames "
+                f"{was_or_were(self.bridged)} bridged by the curve of the true motion."
             )
         lost = [
-            f"{counted(count, 'packet')} {what}"
+            f"{count_noun(count, 'packet')} {what}"
             for count, what in (
                 (self.untimed if self._last is not None else 0, "without the simulator's clock"),
                 (self.unbelievable, "with numbers that no flight has"),
@@ -184,7 +184,7 @@ def _frame(position: Position) -> Frame | None:
     known = xplane.columns(position.record, position.references)
     for name, *_ in REFERENCES[3:]:
         del known[name]  # of the air, which a frame does not need
-    if not xplane.within(known).all():
+    if not xplane.mask_possible(known).all():
         return None
     return Frame(
         float(known["time"][0]),

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 
-from lab.base.parameters.counted import counted, were
+from lab.base.parameters.counted import count_noun, was_or_were
 from lab.data.protocols.decoder import Encoder
-from lab.data.protocols.samples import Samples, joined
+from lab.data.protocols.samples import Samples, join_samples
 from lab.data.streams.address import MAX_SEED, Address, computer_and_port
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.transport import Chunk
 from lab.data.streams.xplane_live import PORT, RATES, XPlaneLink
 from lab.experiment.experiment import Experiment
-from lab.live.simulated.simulated_device import encoder_of
+from lab.live.simulated.simulated_device import make_encoder
 from lab.live.simulated.simulated_flight import fix_rows, imu_rows
 from lab.live.xplane.flight import XPlaneFlight
 from lab.live.xplane.frames import BrokenFlightError
@@ -82,7 +82,7 @@ class XPlaneTransport:
         if why and now - when < _TOLD:
             found.insert(0, f"A new flight began {now - when:.0f} s ago, since {why}.")
         if foreign := self._link.foreign:
-            found.append(f"{counted(foreign, 'packet')} from elsewhere {were(foreign)} not used.")
+            found.append(f"{count_noun(foreign, 'packet')} from elsewhere {was_or_were(foreign)} not used.")
         return " ".join(found)
 
     def open(self) -> None:
@@ -119,7 +119,7 @@ class XPlaneTransport:
                 self._why, self._broke = str(why), (str(why), time.monotonic())
                 break
         now = time.monotonic()
-        samples = joined(found)
+        samples = join_samples(found)
         if not len(samples.imu):
             self._report()
             return Chunk(now, b"")
@@ -178,7 +178,7 @@ def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> X
     address.check(("card", "hz", "seed", "frames", "device", "mounted"))
     options = address.options
     place = address if ":" in address.place else Address(address.kind, f"{address.place}:{PORT}", options)
-    encoder = encoder_of(options.get("device", "vectornav"))
+    encoder = make_encoder(options.get("device", "vectornav"))
     mounted = options.get("mounted")
     flight = XPlaneFlight(
         sensors,

@@ -67,7 +67,7 @@ def axes(latitude: FloatArray, longitude: FloatArray) -> FloatArray:
     return C_en
 
 
-def resolved(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
+def resolve_elsewhere(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
     """Return vectors (n, 3) resolved in north, east, down at one place, resolved at another.
 
     Parameters
@@ -82,14 +82,14 @@ def resolved(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> Floa
 
 
 def resolved_near_pole(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return vectors as `resolved` does close to a pole, and unchanged elsewhere.
+    """Return vectors as `resolve_elsewhere` does close to a pole, and unchanged elsewhere.
 
     Elsewhere, places a few metres apart have the same north to 10⁻⁵.
     """
     near = near_pole(here[:, 0])
     if near.any():
         vectors_n = vectors_n.copy()
-        vectors_n[near] = resolved(vectors_n[near], here[near], there[near])
+        vectors_n[near] = resolve_elsewhere(vectors_n[near], here[near], there[near])
     return vectors_n
 
 

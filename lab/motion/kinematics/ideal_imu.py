@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
-from lab.base.histories import kept
+from lab.base.histories import shrink_history
 from lab.motion.frames import earth
 from lab.motion.frames.displacement import metres_per_radian
 
@@ -53,7 +53,7 @@ class IdealImu:
 
     def as_kept(self) -> IdealImu:
         """Return a copy for storage in a result: for a long flight, the increments are float32."""
-        return replace(self, dtheta=kept(self.dtheta), dvelocity=kept(self.dvelocity))
+        return replace(self, dtheta=shrink_history(self.dtheta), dvelocity=shrink_history(self.dvelocity))
 
     def part(self, first: int, last: int) -> IdealImu:
         """Return the output between the samples `first` and `last`, without the latter."""

@@ -15,7 +15,7 @@ Quaternions = NDArray[np.complex128]
 """Unit quaternions (2, k) as pairs of complex numbers, w + x i and y + z i: of these, a product has four."""
 
 
-def turned(dtheta: FloatArray) -> Rotation:
+def running_attitudes(dtheta: FloatArray) -> Rotation:
     """Return the attitudes (k + 1,) relative to the first, from angular increments (k, 3) [rad]."""
     a, b = running_products(quaternions(dtheta))
     return Rotation.from_quat(np.stack((a.imag, b.real, b.imag, a.real), axis=-1))

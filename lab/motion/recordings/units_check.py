@@ -73,7 +73,7 @@ def _check_position(where: str, table: FloatArray) -> None:
     # Only numbers that would all be proper angles in radians raise a suspicion.
     if np.abs(latitude).max() <= np.pi / 2 and np.abs(longitude).max() <= 2 * np.pi:
         as_radians = _path_ratio(time, latitude, longitude, velocity)
-        if as_radians is not None and _near(as_radians, 1.0):
+        if as_radians is not None and _is_near(as_radians, 1.0):
             raise MissionError(
                 f"{where}, every row, columns latitude_deg and longitude_deg: the numbers look like radians "
                 "(their change fits the recorded velocity only then); accepted are degrees"
@@ -81,12 +81,12 @@ def _check_position(where: str, table: FloatArray) -> None:
     if ratio is None:
         return
     for factor, unit in _VELOCITY_UNITS.items():
-        if _near(ratio, factor):
+        if _is_near(ratio, factor):
             raise MissionError(
                 f"{where}, every row, columns velocity_north_m_s and velocity_east_m_s: the numbers look "
                 f"like {unit} (the position changes {ratio:.3g} times as fast); accepted are m/s"
             )
-    if _near(ratio, 1e-3):
+    if _is_near(ratio, 1e-3):
         raise MissionError(
             f"{where}, every row, column time_s: the numbers look like milliseconds (the position changes "
             "1000 times more slowly than the velocity says); accepted are seconds"
@@ -159,5 +159,5 @@ def _rms_angle(angle: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.arctan2(np.sin(angle), np.cos(angle)) ** 2)))
 
 
-def _near(ratio: float, factor: float) -> bool:
+def _is_near(ratio: float, factor: float) -> bool:
     return abs(ratio / factor - 1) < _RATIO_TOLERANCE

@@ -110,7 +110,7 @@ class GrowingTrajectory:
         self._frames.append(frame)
         if len(self._frames) > self._at + BLOCK + MARGIN:
             self._give()
-            yield from self._piece()
+            yield from self._iterate_piece()
 
     def _give(self) -> None:
         """Give the knots within the next block of frames."""
@@ -131,9 +131,9 @@ class GrowingTrajectory:
         for k in range(BLOCK):
             away = position[at + k] - self._origin - flown[k]
             here = inside == k
-            offsets[here] += _following(self._correction, away, grid[here] - time[at + k])[0]
+            offsets[here] += _correction_after(self._correction, away, grid[here] - time[at + k])[0]
             step = time[at + k + 1 : at + k + 2] - time[at + k]
-            self._correction = _following(self._correction, away, step)[:, 0]
+            self._correction = _correction_after(self._correction, away, step)[:, 0]
         euler = np.array([frame.euler for frame in frames])
         attitude = Rotation.from_quat(rotation.quaternion_from_euler(euler), scalar_first=True)
         if number.size:
@@ -146,7 +146,7 @@ class GrowingTrajectory:
         self._frames = frames[drop:]
         self._at = end - drop
 
-    def _piece(self) -> Iterator[FlownPiece]:
+    def _iterate_piece(self) -> Iterator[FlownPiece]:
         """Yield the piece up to `OVERLAP` knots before the last, and forget what no later one needs."""
         knots = self._start + self._knots  # number after the last
         end = knots - 1 - OVERLAP
@@ -163,7 +163,7 @@ class GrowingTrajectory:
         yield FlownPiece(Trajectory(time, path, self._rate), first, begin, end)
 
 
-def _following(state: FloatArray, wanted: FloatArray, after: FloatArray) -> FloatArray:
+def _correction_after(state: FloatArray, wanted: FloatArray, after: FloatArray) -> FloatArray:
     """Return the correction and its rate (2, n, 3), times after it had a state (2, 3), for a wanted value."""
     t = after[:, None]
     error = state[0] - wanted

@@ -65,13 +65,13 @@ class GrowingTruth:
         truth
             The motion at n times.
         """
-        self._put(time, np.column_stack((truth.position, truth.velocity_n, truth.euler)))
+        self._append_motion(time, np.column_stack((truth.position, truth.velocity_n, truth.euler)))
 
     def break_off(self, time: float) -> None:
         """Say that the motion is unknown from the last sample to the next, about a time between [s]."""
-        self._put(np.array([time]), np.full((1, _COLUMNS), np.nan))
+        self._append_motion(np.array([time]), np.full((1, _COLUMNS), np.nan))
 
-    def _put(self, time: FloatArray, motion: FloatArray) -> None:
+    def _append_motion(self, time: FloatArray, motion: FloatArray) -> None:
         with self._lock:
             if self._end + len(time) > len(self._rows):
                 kept = self._rows[max(self._first, self._end + len(time) - self.KEPT) : self._end]
@@ -87,7 +87,7 @@ class GrowingTruth:
         with self._lock:
             rows = self._rows[self._first : self._end]
             if not len(time) or not len(rows):
-                return interpolated(time, np.zeros(1), np.full((1, _COLUMNS), np.nan))
+                return interpolate_motion(time, np.zeros(1), np.full((1, _COLUMNS), np.nan))
             first = max(int(np.searchsorted(rows[:, 0], np.min(time))) - 1, 0)
             last = int(np.searchsorted(rows[:, 0], np.max(time), "right")) + 1
             known, motion = rows[first:last, 0].copy(), rows[first:last, 1:].copy()
@@ -99,10 +99,10 @@ class GrowingTruth:
             segment = rows_of[np.isfinite(motion[rows_of, 0])]
             motion[segment, 1] = np.unwrap(motion[segment, 1])
             motion[segment, 6:] = np.unwrap(motion[segment, 6:], axis=0)
-        return interpolated(time, known, motion)
+        return interpolate_motion(time, known, motion)
 
 
-def interpolated(time: FloatArray, known: FloatArray, columns: FloatArray) -> Kinematics:
+def interpolate_motion(time: FloatArray, known: FloatArray, columns: FloatArray) -> Kinematics:
     """Return the motion at times (n,), linear between known ones (m,), of columns (m, 9) without jumps."""
     found = np.stack(
         [np.interp(time, known, column, np.nan, np.nan) for column in columns.T], axis=-1
@@ -141,4 +141,4 @@ class TrueFlight:
 
     def at(self, time: FloatArray) -> Kinematics:
         """Return the motion at times (n,) of the host's monotonic clock [s]."""
-        return interpolated(time - self._begun(), self._truth.time, self._columns)
+        return interpolate_motion(time - self._begun(), self._truth.time, self._columns)

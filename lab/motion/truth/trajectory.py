@@ -216,9 +216,9 @@ class Trajectory:
         ValueError
             For times outside the flight.
         """
-        times = self._within(times)
+        times = self._check_times(times)
         if times.size <= AT_ONCE:
-            return self._at(times)
+            return self._evaluate_truth(times)
         is_long = times.size > LONG
         widths = {"latitude": (), "longitude": (), "height": (), "velocity_n": (3,), "q_nb": (4,)}
         widths |= {} if is_long else {"euler": (3,)}
@@ -228,12 +228,12 @@ class Trajectory:
         }
         for first in range(0, times.size, AT_ONCE):
             part = slice(first, first + AT_ONCE)
-            there = self._at(times[part])
+            there = self._evaluate_truth(times[part])
             for name, values in whole.items():
                 values[part] = getattr(there, name)
         return LongTruth(times, **whole) if is_long else Truth(times, **whole)
 
-    def _at(self, times: FloatArray) -> Truth:
+    def _evaluate_truth(self, times: FloatArray) -> Truth:
         """Return the truth at times within the flight."""
         latitude, longitude, height, velocity_n, q_nb = self.path.motion(times)
         euler = rotation.euler_from_quaternion(q_nb)
@@ -259,7 +259,7 @@ class Trajectory:
         ValueError
             For times outside the flight.
         """
-        return self.path.rates(self._within(times))
+        return self.path.rates(self._check_times(times))
 
     def increments(self, rate: float | None = None) -> IdealImu:
         """Return the integrals of angular rate and specific force over each sample interval.
@@ -280,7 +280,7 @@ class Trajectory:
         rate = self.imu_rate if rate is None else float(rate)
         return ideal_imu.integrate(self.rates, len(self._time) - 1, self.imu_rate, rate)
 
-    def _within(self, times: ArrayLike) -> FloatArray:
+    def _check_times(self, times: ArrayLike) -> FloatArray:
         """Return the times as an array, refusing any outside the flight."""
         times = np.atleast_1d(np.asarray(times, dtype=np.float64))
         slack = 1e-9 * max(self.duration, 1.0)
@@ -298,7 +298,7 @@ class Trajectory:
         recorded = recording.position[flown]
         self.position_residual = _rms(ecef.displacement(recorded, truth.position))
         self.velocity_residual = _rms(
-            ecef.resolved(truth.velocity_n, truth.position, recorded) - recording.velocity_n[flown]
+            ecef.resolve_elsewhere(truth.velocity_n, truth.position, recorded) - recording.velocity_n[flown]
         )
 
 

@@ -17,7 +17,7 @@ from lab.base.arrays import FloatArray
 from lab.motion.frames import earth
 from lab.motion.frames.displacement import displaced
 from lab.motion.frames.rotation import quaternion_from_euler, wrap
-from lab.motion.kinematics.running_turns import turned
+from lab.motion.kinematics.running_turns import running_attitudes
 from lab.navigation.alignment import limits
 from lab.navigation.alignment.initial_heading import (
     UNKNOWN,
@@ -27,10 +27,10 @@ from lab.navigation.alignment.initial_heading import (
     by_course,
     by_magnetometer,
     by_velocity,
+    choose_surest_heading,
     contradict,
     mean_turned,
     shows_course,
-    surest,
 )
 from lab.navigation.alignment.rest_alignment import LEAST_FORCE
 from lab.navigation.filters.error_models import ACCEL_BIAS
@@ -101,10 +101,16 @@ class Alignment(NamedTuple):
                 "navigator.initial_heading sets it."
             )
         heading = f"heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°."
-        return " ".join((f"{levelled}; {heading}", *_late(self.heading), *_askew(self.heading)))
+        return " ".join(
+            (
+                f"{levelled}; {heading}",
+                *_describe_lateness(self.heading),
+                *_describe_crooked_axes(self.heading),
+            )
+        )
 
 
-def _late(found: Found) -> tuple[str, ...]:
+def _describe_lateness(found: Found) -> tuple[str, ...]:
     """Return a sentence about the clock of the fixes, if the heading was found with a lateness."""
     late, sigma = found.late, found.late_sigma
     if not abs(late) > max(limits.ALIGNMENT.reported_latency, limits.ALIGNMENT.latency_sigmas * sigma):
@@ -115,7 +121,7 @@ def _late(found: Found) -> tuple[str, ...]:
     )
 
 
-def _askew(found: Found) -> tuple[str, ...]:
+def _describe_crooked_axes(found: Found) -> tuple[str, ...]:
     """Return a sentence about the axes of the IMU, if the course contradicts the heading."""
     apart = np.degrees(found.course_apart)
     if not np.isfinite(apart):
@@ -165,12 +171,16 @@ def align(
     g = float(earth.gravity(np.sin(position[0]), position[2]))
     acceleration, spread = (np.zeros(3), 0.0) if rest else _acceleration(imu, fixes, velocity_sigma, length)
     force_n = acceleration - (0, 0, g)
-    bias, bias_sigma = (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight(imu, fixes, velocity_sigma)
+    bias, bias_sigma = (
+        (_mean_rate(imu, rest), np.zeros(3))
+        if rest
+        else _gyro_bias_of_straight_seconds(imu, fixes, velocity_sigma)
+    )
     found = _heading(imu, fixes, velocity_sigma, hints, bias, rest)
     if not rest and (found.gyro_bias is not None or not hints.vehicle.follows_nose):
         bias, bias_sigma = _bias_of_motion(imu, found)
     tilt = (
-        _unsteadiness(imu, rest, assumed) / g
+        _rest_force_sigma(imu, rest, assumed) / g
         if rest
         else float(np.hypot(limits.ALIGNMENT.tilt_in_motion, spread / g))
     )
@@ -239,7 +249,7 @@ def antenna(q_nb: FloatArray, arm: FloatArray, rate: FloatArray) -> tuple[FloatA
     return C_nb @ arm, C_nb @ np.cross(rate, arm)
 
 
-def _unsteadiness(imu: Imu, rest: float, assumed: Belief) -> float:
+def _rest_force_sigma(imu: Imu, rest: float, assumed: Belief) -> float:
     """Return the σ of the level specific force at rest, apart from the accelerometers' errors [m/s²].
 
     It is the noise of the mean, and what the means of the seconds differ by beyond their noise: the vehicle
@@ -325,7 +335,9 @@ def _mean_rate(imu: Imu, length: float) -> FloatArray:
     return np.asarray(imu.dtheta[:last].sum(axis=0) / (imu.time[last] - imu.time[0]))
 
 
-def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _gyro_bias_of_straight_seconds(
+    imu: Imu, fixes: Fixes, velocity_sigma: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the gyro bias (3,) as the median rate in straight seconds, and its σ [rad/s].
 
     A vehicle on a constant course has a constant attitude on average. Without ten such seconds, the course
@@ -366,7 +378,7 @@ def _along_course(
     mean : (3,) array
         Mean rate of the whole record, the σ about level axes [rad/s].
     """
-    turning = np.interp(time, imu.time, _turned(imu, np.zeros(3)))
+    turning = np.interp(time, imu.time, _integrate_heading_angle(imu, np.zeros(3)))
     apart = np.unwrap(2 * (course - turning)) / 2
     since = time - time.mean()
     slope = float(since @ apart) / float(since @ since)
@@ -376,13 +388,13 @@ def _along_course(
     # The errors of neighbouring fixes depend on each other: one in a second counts.
     noise = scatter / np.sqrt(float(since @ since) * min(1.0, np.ptp(time) / time.size))
     hidden = limits.ALIGNMENT.hidden_turn * abs(slope + float(np.polyfit(since, turning, 1)[0]))
-    down = _down(imu)
+    down = _vertical_in_body(imu)
     level = mean - down * float(mean @ down)
     sigma = float(np.linalg.norm((noise, hidden, limits.ALIGNMENT.straight_bias_sigma)))
     return -slope * down, np.hypot(np.abs(level), np.abs(down) * sigma)
 
 
-def _down(imu: Imu) -> FloatArray:
+def _vertical_in_body(imu: Imu) -> FloatArray:
     """Return the vertical (3,) in b of a nearly level IMU."""
     force = _mean_force(imu, limits.ALIGNMENT.levelling_time)
     return np.asarray(-force / np.linalg.norm(force))
@@ -391,7 +403,7 @@ def _down(imu: Imu) -> FloatArray:
 def _force_at_start(imu: Imu) -> FloatArray:
     """Return the mean specific force (3,) over `levelling_time`, in b of the first sample [m/s²]."""
     last = max(1, int(np.searchsorted(imu.time, imu.time[0] + limits.ALIGNMENT.levelling_time, "right")) - 1)
-    C = turned(imu.dtheta[:last])[:-1].as_matrix()
+    C = running_attitudes(imu.dtheta[:last])[:-1].as_matrix()
     return np.asarray(np.einsum("kij,kj->i", C, imu.dvelocity[:last]) / (imu.time[last] - imu.time[0]))
 
 
@@ -428,9 +440,9 @@ def _acceleration(
     return slope * known, float(np.sqrt((variance * known)[:2].max()))
 
 
-def _turned(imu: Imu, bias: FloatArray) -> FloatArray:
+def _integrate_heading_angle(imu: Imu, bias: FloatArray) -> FloatArray:
     """Return the angle (n + 1,) by which a nearly level IMU has rotated about the vertical [rad]."""
-    turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ _down(imu)
+    turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ _vertical_in_body(imu)
     return np.concatenate(([0.0], np.cumsum(turned)))
 
 
@@ -438,7 +450,7 @@ def _heading(
     imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints, bias: FloatArray, rest: float
 ) -> Found:
     """Return the heading at the first sample: given, or from antennas, course and velocities."""
-    turning = _turned(imu, bias)
+    turning = _integrate_heading_angle(imu, bias)
     vehicle = hints.vehicle
     course = by_course(imu, fixes, velocity_sigma, turning, rest, vehicle)
     antennas = by_antennas(imu, hints.headings, turning, rest)
@@ -457,9 +469,9 @@ def _heading(
             course, matched = UNKNOWN, matched._replace(course_apart=apart)
     elif by_nose:
         # The course is used unless the specific force contradicts it: then the kind of vehicle is unknown.
-        course = course if surest((course, matched)).sigma <= course.sigma else UNKNOWN
+        course = course if choose_surest_heading((course, matched)).sigma <= course.sigma else UNKNOWN
         matched = UNKNOWN if course.source else matched
-    return surest((antennas, course, matched))
+    return choose_surest_heading((antennas, course, matched))
 
 
 def _bias_of_motion(imu: Imu, found: Found) -> tuple[FloatArray, FloatArray]:
@@ -485,4 +497,4 @@ def _with_compass(
     for _ in range(_ROUNDS):  # in motion, the vertical depends on the heading
         attitude = level(*forces, compass.heading)
         compass = by_magnetometer(imu, hints.magnetometer, attitude, tilt, length, position)
-    return surest((found, compass))
+    return choose_surest_heading((found, compass))

@@ -21,8 +21,8 @@ from lab.data.checks.velocity_matching import (
     GYRO_BIAS_SIGMA,
     WINDOW,
     Match,
-    lively,
     match,
+    measure_liveliness,
     steps,
     window_of,
 )
@@ -30,7 +30,7 @@ from lab.data.log.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.data.log.vehicle import Vehicle, vehicle_of
 from lab.motion.frames.magnetic_field import magnetic_declination
 from lab.motion.frames.rotation import wrap
-from lab.motion.kinematics.running_turns import turned
+from lab.motion.kinematics.running_turns import running_attitudes
 from lab.navigation.alignment import limits
 from lab.navigation.solution import Fixes, Imu
 
@@ -147,7 +147,7 @@ def contradict(one: Found, other: Found) -> bool:
     return bool(apart > limits.ALIGNMENT.contradiction_sigmas * np.hypot(one.sigma, other.sigma))
 
 
-def surest(found: Sequence[Found]) -> Found:
+def choose_surest_heading(found: Sequence[Found]) -> Found:
     """Return the most certain of several headings; its σ and source report a contradiction."""
     known = sorted((one for one in found if one.sigma < np.pi), key=lambda one: one.sigma)
     if not known:
@@ -263,7 +263,9 @@ def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatA
     log = (imu.time, imu.dtheta, imu.dvelocity, fixes.time, fixes.velocity_n, velocity_sigma)
     spread = limits.ALIGNMENT.bias_at_rest if rest else GYRO_BIAS_SIGMA
     best: tuple[float, float, Match] | None = None
-    starts = [start for _, start in lively(log) if start - imu.time[0] < limits.ALIGNMENT.match_time]
+    starts = [
+        start for _, start in measure_liveliness(log) if start - imu.time[0] < limits.ALIGNMENT.match_time
+    ]
     for start in starts[: limits.ALIGNMENT.match_windows]:
         window = window_of(log, start)
         if window is None:
@@ -283,7 +285,7 @@ def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatA
     increments = steps(
         imu.time, imu.dtheta - found.gyro_bias * np.diff(imu.time)[:, None], imu.time[0], start
     )
-    C_nb = found.C_nb * turned(increments)[-1].inv()
+    C_nb = found.C_nb * running_attitudes(increments)[-1].inv()
     return Found(
         float(C_nb.as_euler("ZYX")[0]),
         sigma,
@@ -368,11 +370,11 @@ def mean_turned(vector_n: FloatArray, force_n: FloatArray, sigma: float) -> Floa
     sigma
         σ of the heading [rad].
     """
-    axis = about(force_n)
+    axis = heading_error_direction(force_n)
     along = axis * (axis @ vector_n) / (axis @ axis)
     return np.asarray(along + np.exp(-(sigma**2) * (axis @ axis) / 2) * (vector_n - along))
 
 
-def about(force_n: FloatArray) -> FloatArray:
+def heading_error_direction(force_n: FloatArray) -> FloatArray:
     """Return the attitude error (3,) of one radian of heading, after levelling by a specific force in n."""
     return np.asarray(force_n / force_n[2])

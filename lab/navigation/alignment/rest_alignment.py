@@ -101,7 +101,7 @@ class Aligned(NamedTuple):
     considered: FloatArray
 
 
-def begin(
+def align_simulated(
     start: Start,
     true: Start,
     sensors: SensorSuite,
@@ -130,19 +130,19 @@ def begin(
         return Aligned(start, np.zeros(3), P, np.eye(21), np.zeros((21, 6)), np.zeros((21, 0)))
     induced = induced_variance(of_bias_states(sensors, navigator) if single is None else single)
     P[np.diag_indices(21)] += np.concatenate((np.zeros(9), induced, np.zeros(6)))
-    means = means_of(sensors if real is None else real, seed, length, true)
+    means = simulate_means(sensors if real is None else real, seed, length, true)
     sizes = [np.abs(si(errors, "misalignment")) for errors in (sensors.gyro, sensors.accelerometer)]
     # Without states for it, the g-sensitivity at rest is a part of the bias.
     felt = np.abs(si(sensors.gyro, "g_sensitivity")) * navigator.estimate_g_sensitivity
     return align(start, P, means._replace(considered=np.concatenate((*sizes, felt))))
 
 
-def usual(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray | None:
+def usual_covariance(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray | None:
     """Return P (21, 21) after the alignment of a level vehicle that points north at 45°; None without one."""
     if not navigator.alignment:
         return None
     level = Start(np.array([np.pi / 4, 0.0, 0.0]), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    return begin(level, level, sensors, navigator, 0).P
+    return align_simulated(level, level, sensors, navigator, 0).P
 
 
 def align(start: Start, P: FloatArray, means: Means) -> Aligned:
@@ -181,14 +181,14 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
         x[ATT] = (Rotation.from_rotvec(step[ATT]) * turned).as_rotvec()
         kept, noise, considered = np.eye(21) - K @ H, K @ np.linalg.cholesky(R), -K @ B
         earlier, after = after, kept @ relative @ kept.T + noise @ noise.T + considered @ considered.T
-        if _settled(step, earlier, after):
+        if _has_converged(step, earlier, after):
             break
     q_nb = (Rotation.from_rotvec(x[ATT]) * before).as_quat(scalar_first=True)
-    P = _with_considered((after + after.T) / 2, considered, means.considered)
+    P = _add_considered_errors((after + after.T) / 2, considered, means.considered)
     return Aligned(start._replace(q_nb=q_nb), -x[GYRO_BIAS], P, kept @ J, noise, considered)
 
 
-def _settled(step: FloatArray, earlier: FloatArray, after: FloatArray) -> bool:
+def _has_converged(step: FloatArray, earlier: FloatArray, after: FloatArray) -> bool:
     """Return whether a further step of the update would change nothing that counts."""
     variance, change = np.diag(after), np.diag(after - earlier)[ATT.stop - 1]
     small = np.abs(step[ESTIMATED]) <= SETTLED * np.sqrt(variance[ESTIMATED])
@@ -233,13 +233,13 @@ def _beyond_first_order(
     return added
 
 
-def _with_considered(P: FloatArray, considered: FloatArray, sizes: FloatArray) -> FloatArray:
+def _add_considered_errors(P: FloatArray, considered: FloatArray, sizes: FloatArray) -> FloatArray:
     """Return the covariance with that of errors whose estimate is zero: its error is minus the truth."""
     across = -considered * sizes
     return np.block([[P, across], [across.T, np.diag(sizes**2)]])
 
 
-def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Means:
+def simulate_means(sensors: SensorSuite, seed: int, length: float, start: Start) -> Means:
     """Return the mean output of simulated sensors over a rest in a true attitude.
 
     It includes their constant biases at the temperature of the start and under gravity, scale factors,
@@ -273,7 +273,7 @@ def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Me
         shown("gyro", sensors.gyro, rate),
         np.diag(_noise(sensors.accelerometer, length)),
         np.diag(_noise(sensors.gyro, length)),
-        _mixing(force, rate),
+        _considered_jacobian(force, rate),
         np.zeros(sum(blocks.block(name).size for name in blocks.CONSIDERED)),
     )
 
@@ -299,7 +299,7 @@ def _noise(errors: GyroErrors | AccelerometerErrors, length: float) -> FloatArra
     return np.asarray(si(errors, "noise_density") ** 2 / length)
 
 
-def _mixing(force: FloatArray, rate: FloatArray) -> FloatArray:
+def _considered_jacobian(force: FloatArray, rate: FloatArray) -> FloatArray:
     """Return the change (6, 15) of force and rate by each of the errors `blocks.CONSIDERED`."""
     pairs = 2 * len(OFF_DIAGONAL)
     mixing = np.zeros((6, pairs + 3))

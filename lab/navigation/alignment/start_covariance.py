@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from lab.base.arrays import FloatArray
 from lab.motion.frames.rotation import skew
 from lab.navigation.alignment.alignment import Alignment, antenna
-from lab.navigation.alignment.initial_heading import about, mean_turned
+from lab.navigation.alignment.initial_heading import heading_error_direction, mean_turned
 from lab.navigation.filters import blocks
 from lab.navigation.filters.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.settings import NavigatorSettings
@@ -126,11 +126,11 @@ class _Effects(NamedTuple):
         tilts[0, ATT.start] = tilts[1, ATT.start + 1] = 1.0
         receiver, arm = np.eye(6, n), np.zeros((6, n))
         if blocks.GPS_DRIFT in names:
-            receiver[POS, blocks.states_of(names, blocks.GPS_DRIFT)] = -np.eye(3)
+            receiver[POS, blocks.find_states(names, blocks.GPS_DRIFT)] = -np.eye(3)
         if blocks.LATENCY in names:
-            receiver[POS, blocks.states_of(names, blocks.LATENCY)] = start.start.velocity_n[:, None]
+            receiver[POS, blocks.find_states(names, blocks.LATENCY)] = start.start.velocity_n[:, None]
         if blocks.LEVER_ARM in names:
-            states = blocks.states_of(names, blocks.LEVER_ARM)
+            states = blocks.find_states(names, blocks.LEVER_ARM)
             arm[POS, states], arm[VEL, states] = -C_nb, -C_nb @ skew(start.rate)
         if not start.rest:
             arm[VEL, GYRO_BIAS] = -C_nb @ skew(assumed.lever_arm)
@@ -149,7 +149,7 @@ class _Effects(NamedTuple):
             The heading errors, and the σ with which the start was made [rad].
         """
         k, n = angles.size, self.tilts.shape[1]
-        errors = np.outer(angles, about(self.force_n))
+        errors = np.outer(angles, heading_error_direction(self.force_n))
         turned, partly = (Rotation.from_rotvec(part * errors).as_matrix() for part in (1.0, self.part))
         mean, M = np.zeros((k, n)), np.tile(np.eye(n), (k, 1, 1))
         mean[:, ATT] = errors
@@ -176,11 +176,11 @@ def _force_errors(C_nb: FloatArray, force: FloatArray, names: Sequence[str], n: 
     effect = np.zeros((3, n))
     effect[:, ACCEL_BIAS] = -C_nb
     if blocks.ACCEL_SCALE in names:
-        effect[:, blocks.states_of(names, blocks.ACCEL_SCALE)] = -C_nb * force
+        effect[:, blocks.find_states(names, blocks.ACCEL_SCALE)] = -C_nb * force
     if blocks.ACCEL_DRIFT in names:
-        effect[:, blocks.states_of(names, blocks.ACCEL_DRIFT)] = -C_nb
+        effect[:, blocks.find_states(names, blocks.ACCEL_DRIFT)] = -C_nb
     if blocks.ACCEL_MISALIGNMENT in names:
         axes = ["xyz".index(axis) for axis in "".join(OFF_DIAGONAL)]
-        states = blocks.states_of(names, blocks.ACCEL_MISALIGNMENT)
+        states = blocks.find_states(names, blocks.ACCEL_MISALIGNMENT)
         effect[:, states] = -C_nb[:, axes[::2]] * force[axes[1::2]]
     return effect

@@ -156,7 +156,7 @@ def _wind(sensors: SensorSuite, _: NavigatorSettings) -> Process:
     return gauss_markov(constant, drift, errors.correlation_time)
 
 
-def _assumed(name: str) -> ProcessOf:
+def _process_of_setting(name: str) -> ProcessOf:
     """Return the process of what a setting of the navigator gives the σ of."""
     return lambda _, navigator: _constants(si(navigator, f"{name}_sigma") ** 2)
 
@@ -176,15 +176,17 @@ _DEGREES, _MILLI_G = math.degrees(1.0), 1e3 / STANDARD_GRAVITY
 """One radian in °, and one m/s² in mg."""
 
 
-def _named(name: str, parts: Sequence[str]) -> tuple[str, ...]:
+def _name_states(name: str, parts: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{name} {part}" for part in parts)
 
 
 BLOCKS: dict[str, Block] = {
-    GYRO_SCALE: Block(_named(GYRO_SCALE, "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0, constant=True),
-    ACCEL_SCALE: Block(_named(ACCEL_SCALE, "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0, constant=True),
+    GYRO_SCALE: Block(_name_states(GYRO_SCALE, "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0, constant=True),
+    ACCEL_SCALE: Block(
+        _name_states(ACCEL_SCALE, "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0, constant=True
+    ),
     GYRO_MISALIGNMENT: Block(
-        _named(GYRO_MISALIGNMENT, OFF_DIAGONAL),
+        _name_states(GYRO_MISALIGNMENT, OFF_DIAGONAL),
         strapdown.GYRO_MISALIGNMENT,
         "rad",
         "°",
@@ -194,7 +196,7 @@ BLOCKS: dict[str, Block] = {
         constant=True,
     ),
     ACCEL_MISALIGNMENT: Block(
-        _named(ACCEL_MISALIGNMENT, OFF_DIAGONAL),
+        _name_states(ACCEL_MISALIGNMENT, OFF_DIAGONAL),
         strapdown.ACCEL_MISALIGNMENT,
         "rad",
         "°",
@@ -204,7 +206,7 @@ BLOCKS: dict[str, Block] = {
         constant=True,
     ),
     GYRO_G: Block(
-        _named(GYRO_G, "xyz"),
+        _name_states(GYRO_G, "xyz"),
         strapdown.GYRO_G,
         "rad/s/(m/s²)",
         "°/s/g",
@@ -214,7 +216,7 @@ BLOCKS: dict[str, Block] = {
         constant=True,
     ),
     GYRO_DRIFT: Block(
-        _named(GYRO_DRIFT, "xyz"),
+        _name_states(GYRO_DRIFT, "xyz"),
         strapdown.GYRO_DRIFT,
         "rad/s",
         "°/s",
@@ -223,7 +225,7 @@ BLOCKS: dict[str, Block] = {
         _instability("gyro"),
     ),
     ACCEL_DRIFT: Block(
-        _named(ACCEL_DRIFT, "xyz"),
+        _name_states(ACCEL_DRIFT, "xyz"),
         strapdown.ACCEL_DRIFT,
         "m/s²",
         "mg",
@@ -232,7 +234,7 @@ BLOCKS: dict[str, Block] = {
         _instability("accelerometer"),
     ),
     GPS_DRIFT: Block(
-        _named(GPS_DRIFT, ("north", "east", "down")),
+        _name_states(GPS_DRIFT, ("north", "east", "down")),
         strapdown.GPS_DRIFT,
         "m",
         "m",
@@ -243,13 +245,13 @@ BLOCKS: dict[str, Block] = {
     BAROMETER_BIAS: _aid_error("barometer", strapdown.BAROMETER_BIAS),
     HEADING_BIAS: _aid_error("heading", strapdown.HEADING_BIAS),
     LEVER_ARM: Block(
-        _named(LEVER_ARM, ("forward", "right", "down")),
+        _name_states(LEVER_ARM, ("forward", "right", "down")),
         strapdown.LEVER_ARM,
         "m",
         "m",
         1.0,
         "navigator.estimate_lever_arm",
-        _assumed("lever_arm"),
+        _process_of_setting("lever_arm"),
         constant=True,
     ),
     LATENCY: Block(
@@ -259,12 +261,12 @@ BLOCKS: dict[str, Block] = {
         "s",
         1.0,
         "navigator.estimate_latency",
-        _assumed("latency"),
+        _process_of_setting("latency"),
         constant=True,
     ),
     ODOMETER_SCALE: _aid_error("odometer", strapdown.ODOMETER_SCALE),
     WIND: Block(
-        _named(WIND, ("north", "east")),
+        _name_states(WIND, ("north", "east")),
         strapdown.WIND,
         "m/s",
         "m/s",
@@ -322,7 +324,7 @@ def first_state(names: Sequence[str], name: str) -> int:
     return at
 
 
-def states_of(names: Sequence[str], name: str) -> slice:
+def find_states(names: Sequence[str], name: str) -> slice:
     """Return the states of a block in a filter that has it."""
     first = first_state(names, name)
     return slice(first, first + block(name).size)
@@ -344,7 +346,7 @@ def shown_states(names: Sequence[str]) -> tuple[list[str], list[str], list[float
     )
 
 
-def places(names: Sequence[str]) -> tuple[int, ...]:
+def find_places(names: Sequence[str]) -> tuple[int, ...]:
     """Return where the estimates of all states from the biases on are in the state of the navigator."""
     found = list(range(strapdown.GYRO_BIAS, strapdown.GYRO_BIAS + 6))
     for name in in_order(names):

@@ -63,7 +63,7 @@ def correct_in_wander(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
 
 
 @inline_kernel
-def _bend(psi: Vector, v: Vector) -> Vector:
+def _apply_left_jacobian(psi: Vector, v: Vector) -> Vector:
     """Return J v with J the left Jacobian of the rotation ψ, as in the exponential of SE₂(3)."""
     square = psi[0] * psi[0] + psi[1] * psi[1] + psi[2] * psi[2]
     if square < SMALL:
@@ -79,8 +79,8 @@ def _bend(psi: Vector, v: Vector) -> Vector:
 def apply_group_exponential(x: FloatArray) -> None:
     """Apply the group's Jacobian to the position and velocity of an error estimate, x ≥ (9,), in place."""
     psi = get(x, 6)
-    put(x, 0, _bend(psi, get(x, 0)))
-    put(x, 3, _bend(psi, get(x, 3)))
+    put(x, 0, _apply_left_jacobian(psi, get(x, 0)))
+    put(x, 3, _apply_left_jacobian(psi, get(x, 3)))
 
 
 correct_frame = Slot("correct_frame")
@@ -129,7 +129,7 @@ def has_estimate(w: FloatArray) -> bool:
 
 
 @kernel
-def corrected(
+def write_corrected_state(
     state: FloatArray, w: FloatArray, T: FloatArray, x: FloatArray, spare: FloatArray
 ) -> FloatArray:
     """Write the state of the navigator corrected by its estimated error into `spare`, leaving it as it is."""

@@ -37,7 +37,7 @@ from lab.navigation import strapdown
 from lab.navigation.filters import blocks
 from lab.navigation.kernels import own_room
 from lab.navigation.kernels.compilation import inline_kernel
-from lab.navigation.kernels.generation import Slot, Variant, Written, generated, interpreted
+from lab.navigation.kernels.generation import Slot, Variant, Written, generate_module, interpret_kernel
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, plus, reset_rate, transport_rate
 
 POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = (slice(i, i + 3) for i in range(0, 21, 3))
@@ -140,23 +140,25 @@ class ErrorModel:
     def write(self) -> Write:
         """``write(state, F)``, which writes the non-zero elements of F."""
         title = f"The system matrix F of the filter {self.label}."
-        return generated(f"F {self.label}", title, [write_f], self.variant)[write_f]  # type: ignore[no-any-return]
+        return generate_module(f"F {self.label}", title, [write_f], self.variant)[write_f]  # type: ignore[no-any-return]
 
     def pattern(self) -> NDArray[np.bool_]:
         """Return the mask (n, n) of the elements of F that can be non-zero."""
-        return _pattern(interpreted(write_f, self.variant), self.states)
+        return _pattern(interpret_kernel(write_f, self.variant), self.states)
 
     def map_pattern(self) -> NDArray[np.bool_]:
         """Return the mask (9, 9) of the elements of T that can be non-zero."""
         return (
-            _pattern(interpreted(write_map, self.variant), 9) if self.write_map else np.eye(9, dtype=np.bool_)
+            _pattern(interpret_kernel(write_map, self.variant), 9)
+            if self.write_map
+            else np.eye(9, dtype=np.bool_)
         )
 
     def map(self, state: FloatArray) -> FloatArray:
         """Return the derivative of all errors with respect to the model's own, (n, n)."""
         T = np.eye(self.states)
         if self.write_map:
-            interpreted(write_map, self.variant)(state, T)
+            interpret_kernel(write_map, self.variant)(state, T)
         return T
 
 
@@ -240,7 +242,7 @@ def phi(state: FloatArray, F: FloatArray) -> None:
 
 
 @inline_kernel
-def computed_frame_turn(T: FloatArray, row: int, state: FloatArray) -> None:
+def write_frame_turn(T: FloatArray, row: int, state: FloatArray) -> None:
     """Write [δθ / δr]: δθ is the rotation of the navigation frame from the true to the computed position."""
     m, t = state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE]
     T[row + N, P + E] = t
@@ -300,7 +302,7 @@ def psi_map(state: FloatArray, T: FloatArray) -> None:
     for i in range(9):
         T[i, i] = 1.0
     turned_velocity(T, state)
-    computed_frame_turn(T, A, state)
+    write_frame_turn(T, A, state)
 
 
 @inline_kernel

@@ -72,7 +72,7 @@ class Filter(NamedTuple):
         `turned` (m, 4) holds the angular rates about each fix; a navigator with a lever arm needs it. `aids`
         are measurements other than fixes, of which `kept_aids` updates are kept, likewise.
         """
-        state, P0 = begun(start, belief, model)
+        state, P0 = initial_state(start, belief, model)
         n, space = model.states, layout(model.blocks)
         w = aligned_zeros(space.size)
         P = w[: space.product].reshape(n, space.WIDTH)
@@ -109,15 +109,15 @@ class Filter(NamedTuple):
         )
 
 
-def begun(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray, FloatArray]:
+def initial_state(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray, FloatArray]:
     """Return state and covariance (n, n) of a navigator at its start."""
     own = blocks.user_states(model.blocks)
     state = np.zeros(own_room.END if own.stop > own.start else wander.LENGTH)
-    frames.place(state, start.position, model)
+    frames.write_position(state, start.position, model)
     state[VELOCITY : VELOCITY + 3] = start.velocity_n
     state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
     state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
-    return state, initial_covariance(frames.model_at(state, model), state, belief.P0)
+    return state, initial_covariance(frames.choose_model_here(state, model), state, belief.P0)
 
 
 def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> FloatArray:

@@ -181,11 +181,11 @@ def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
         "OWN_SIZE": (OWN_SIZE, own.stop - own.start),
     }
     constants = tuple((name, *values) for name, values in found.items())
-    writes = *model.writes, *_columns_of(names, in_body=model.in_body)
+    writes = *model.writes, *_column_writers(names, in_body=model.in_body)
     return dataclasses.replace(model, writes=writes, blocks=names, constants=constants)
 
 
-def _columns_of(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
+def _column_writers(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
     """Yield the functions that write the columns of further blocks."""
     if blocks.GYRO_SCALE in names:
         yield scale_columns_in_body if in_body else scale_columns

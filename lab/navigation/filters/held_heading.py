@@ -136,7 +136,7 @@ def straighten(held: FloatArray, m: int, state: FloatArray, P: FloatArray, F: Fl
 
 
 @kernel
-def put_heading_back(P: FloatArray, D: FloatArray, kept: FloatArray) -> None:
+def restore_heading(P: FloatArray, D: FloatArray, kept: FloatArray) -> None:
     """Undo what an update did to heading and vertical gyro bias; arguments as for `keeps_heading`."""
     put_back_covariance(P, D, kept)
     for k in range(DIRECTIONS):

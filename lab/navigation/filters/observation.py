@@ -20,7 +20,7 @@ from lab.navigation.aids import (
     predict_aid,
 )
 from lab.navigation.filters.blocks import NO_STATE
-from lab.navigation.filters.correction import corrected, has_estimate
+from lab.navigation.filters.correction import has_estimate, write_corrected_state
 from lab.navigation.filters.error_models import ErrorModel, write_fix_map, write_map
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.held_heading import (
@@ -28,7 +28,7 @@ from lab.navigation.filters.held_heading import (
     keeps_heading,
     own_attitude,
     own_attitude_in_body,
-    put_heading_back,
+    restore_heading,
 )
 from lab.navigation.filters.kalman import (
     EVERY,
@@ -124,7 +124,7 @@ def felt_by_gyro(state: FloatArray, axis: int) -> float:
 
 
 @kernel
-def as_biases(state: FloatArray, H: FloatArray) -> None:
+def copy_bias_elements(state: FloatArray, H: FloatArray) -> None:
     """Write the elements of a row of H for states that act as gyro biases do, from those of the biases."""
     if GYRO_DRIFT >= 0:
         for i in range(3):
@@ -172,7 +172,7 @@ def linearise_fix(run: Filter, m: int, age: float, z: FloatArray, out: Solution)
             z[i] += state[strapdown.GPS_DRIFT + i]
             H[i, GPS_DRIFT + i] = 1.0
     for i in range(MEASUREMENTS):
-        as_biases(state, H[i])
+        copy_bias_elements(state, H[i])
         for k in range(OWN_SIZE):  # the rate about the fix is one as measured
             z[i] += H[i, OWN + k] * state[PLACES[OWN - NAV + k]]
         if GYRO_G_SENSITIVITY >= 0:
@@ -227,7 +227,7 @@ def observe(
     held = may_hold and keeps_heading(state, P, H, S, MEASUREMENTS, run.directions, run.kept)
     update(w, z, H, R, scalars)
     if held:
-        put_heading_back(P, run.directions, run.kept)
+        restore_heading(P, run.directions, run.kept)
         for i in range(3):
             out.fix_held[m, i] = run.directions[1, NAV + i]
     bound_vertical_bias(state, P)
@@ -246,7 +246,7 @@ def observe_rest(run: Filter) -> bool:
     for i in range(3):
         done[6 + i] = seen[i]
         done[NAV + i] = H[3 + i]
-    as_biases(state, done)
+    copy_bias_elements(state, done)
     residual, s = z, 1.0
     for i in range(6, STATES):
         if done[i] != 0:
@@ -341,7 +341,7 @@ def bent_airspeed(state: FloatArray, v: Vector, P: FloatArray) -> float:
 
 
 @inline_kernel
-def bent(state: FloatArray, axes: Matrix, kind: int, P: FloatArray) -> float:
+def mean_speed_excess(state: FloatArray, axes: Matrix, kind: int, P: FloatArray) -> float:
     """Return how much larger a speed is on average than that of the estimates [m/s]; 0 for other kinds."""
     if kind == FORWARD:
         return bent_speed(state, P)
@@ -369,7 +369,7 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     more than its σ, and speeds and azimuths are not linear over such a distance.
     """
     w, T, aids = run.w, run.T, run.aids
-    state = corrected(run.state, w, T, run.x, run.spare) if has_estimate(w) else run.state
+    state = write_corrected_state(run.state, w, T, run.x, run.spare) if has_estimate(w) else run.state
     done = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1), 0]
     seen, gains = out.aid_H[a], out.aid_gain[a]
     axes = north_axes(state, age)
@@ -378,12 +378,12 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     if of_tilts == math.inf:
         return False
     residual = predict_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
-    as_biases(state, done)
+    copy_bias_elements(state, done)
     for i in range(STATES):
         seen[i] = done[i]
     user_row(state, T, done)
     variance = aids.variance[a]
-    excess = bent(state, axes, kind, run.P)
+    excess = mean_speed_excess(state, axes, kind, run.P)
     residual -= excess
     variance += 2 * excess * excess
     if HEADING <= kind <= MAGNETIC:

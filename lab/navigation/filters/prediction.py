@@ -26,7 +26,7 @@ from lab.navigation.kernels.propagation import (
 from lab.navigation.strapdown import get
 
 kept_part = Slot("kept_part")
-"""``kept_part(decay, dt, room)``: the factors of all driven states over a step; see `kept_part_of`."""
+"""``kept_part(decay, dt, room)``: the factors of all driven states over a step; see `build_kept_part`."""
 IN_REGISTERS = 16
 """Most factors that stay in registers: with 30 of them, a sample takes seven times as long as from memory."""
 
@@ -60,7 +60,7 @@ def add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: f
 
 
 @inline_kernel
-def faded(rate: float, elapsed: float) -> float:
+def decay_factor(rate: float, elapsed: float) -> float:
     """Return exp(−rate · elapsed) to third order, as in `second_order`."""
     x = rate * elapsed
     return 1 - x * (1 - x / 2 * (1 - x / 3))
@@ -84,7 +84,7 @@ def second_order(A: FloatArray, elapsed: float, decay: FloatArray, E: FloatArray
     states = A.shape[0]  # not a constant: the compiler would unroll all products
     power, product = np.empty(states), np.empty(states)
     for b in range(decay.size):
-        E[NAV + b, NAV + b] = faded(decay[b], elapsed) - 1
+        E[NAV + b, NAV + b] = decay_factor(decay[b], elapsed) - 1
     for r in range(NAV):
         for c in range(states):
             power[c] = A[r, c]
@@ -105,7 +105,7 @@ def second_order(A: FloatArray, elapsed: float, decay: FloatArray, E: FloatArray
                 E[r, c] += factor * power[c]
 
 
-def kept_part_of(model: ErrorModel) -> Written:
+def build_kept_part(model: ErrorModel) -> Written:
     """Return the kernel `kept_part` of a model. A tuple stays in registers; many factors need the room."""
     count = layout(model.blocks).DRIVEN
     if count > IN_REGISTERS:

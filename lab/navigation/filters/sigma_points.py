@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.navigation import strapdown, wander
 from lab.navigation.kernels.compilation import inline_kernel, kernel
-from lab.navigation.kernels.lane_points import point_of
+from lab.navigation.kernels.lane_points import view_point
 from lab.navigation.strapdown import (
     Q_NB,
     VELOCITY,
@@ -169,7 +169,7 @@ def draw_sigma_points(
         size = SPREAD if point < n else -SPREAD
         for i in range(n):
             x[i] = size * root[i, point % n]
-        there = point_of(points, point)
+        there = view_point(points, point)
         for i in range(state.size):
             there[i] = state[i]
         displace(there, x, places)
@@ -204,7 +204,7 @@ def gather(
     """
     n = x.size
     for point in range(2 * n):
-        _difference(state, point_of(points, point), deviations[point], attitudes[point], places)
+        _difference(state, view_point(points, point), deviations[point], attitudes[point], places)
     q = _mean_attitude(quaternion(state, Q_NB), attitudes)
     centre = rotation_vector(quaternion(state, Q_NB), q)
     for i in range(n):

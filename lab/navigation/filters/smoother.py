@@ -28,7 +28,7 @@ from lab.base.arrays import FloatArray
 from lab.base.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filters.blocks import LEVER_ARM
-from lab.navigation.filters.correction import corrected, has_estimate
+from lab.navigation.filters.correction import has_estimate, write_corrected_state
 from lab.navigation.filters.error_models import ATT, PHI, ErrorModel, write_f
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.further_columns import with_blocks
@@ -37,14 +37,14 @@ from lab.navigation.filters.held_heading import straighten
 from lab.navigation.filters.prediction import predict
 from lab.navigation.filters.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.filters.wander_models import linear_model
-from lab.navigation.frames import change, model_at
+from lab.navigation.frames import change, choose_model_here
 from lab.navigation.kernels.compilation import inline_kernel, kernel, loop_kernel
 from lab.navigation.kernels.driver import PENDING, SETTLED, aid_due, loop, take_measurements
 from lab.navigation.kernels.flight_piece import FlightPiece
 from lab.navigation.kernels.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.kernels.storage import store, store_fix
 from lab.navigation.lever_arm import mean_rates_at_fixes
-from lab.navigation.navigator import navigate_segments, takes_aids, within_frame, within_frame_in_piece
+from lab.navigation.navigator import navigate_piece_within_frame, navigate_segments, takes_aids, within_frame
 from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
 from lab.navigation.strapdown import get, step
@@ -139,7 +139,7 @@ def navigate(
     copies = forward_pass(schedule, model)
     if out.fix_held.any():
         copies.clear()
-        _forget(out)
+        _forget_forward_pass(out)
         if model.in_body and np.diag(belief.P0)[ATT].max() < LINEAR**2:
             model = with_blocks(linear_model("phi", model.mechanization), model.blocks)
         elif model.in_body:  # the heading is none of its states, and phi does not hold for such a start
@@ -161,7 +161,7 @@ def navigate(
     return out
 
 
-def _forget(out: Solution) -> None:
+def _forget_forward_pass(out: Solution) -> None:
     """Forget what a forward pass did, but not which fixes did not show the heading."""
     out.fix_sample[:], out.aid_sample[:] = -1, -1
     for flags in (out.fix_rejected, out.fix_recovered, out.rest):
@@ -183,21 +183,21 @@ def _forward_pass(
 ) -> list[_Copy]:
     """Filter the whole flight; return copies of the filter from before each block of samples."""
     copies: list[_Copy] = []
-    go = within_frame_in_piece if is_long else within_frame
+    go = navigate_piece_within_frame if is_long else within_frame
     passing = out
     if is_long:  # the backward pass writes the histories, while it gives up the increments
         row = out.room(1)
         passing = out._replace(**{name: getattr(row, name) for name in HISTORIES if name != "rest"})
 
-    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
+    def navigate_piece(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         changed = None
         while first < imu.dtheta.shape[0]:
-            copies.append(_Copy(first, _copied(run), schedule, changed))
+            copies.append(_Copy(first, _copy_filter(run), schedule, changed))
             first = go(run, imu, fixes, out, first, schedule, model)
             if first < imu.dtheta.shape[0]:
                 changed = change(run.state, run.P, model)
 
-    navigate_segments(run.noise, imu, passing, schedule, stretches, onwards, 2 * GO if is_long else GO)
+    navigate_segments(run.noise, imu, passing, schedule, stretches, navigate_piece, 2 * GO if is_long else GO)
     return copies
 
 
@@ -215,7 +215,7 @@ def _smooth_block(
 ) -> None:
     """Write the smoothed solution of the samples from a copy of the filter to number `end`."""
     first, own, there, _ = copy
-    back = backward_pass(model_at(own.state, model), aided=takes_aids(model, own.aids))
+    back = backward_pass(choose_model_here(own.state, model), aided=takes_aids(model, own.aids))
     kept = _Kept.room(own, end - first, at_rest=bool(imu.rest.any()))
     if not is_long:
         back(own, imu.until(end), fixes, out, first, there, kept, later, Later)
@@ -226,7 +226,7 @@ def _smooth_block(
     piece.keep(out, piece.imu.time.size, *taken)
 
 
-def _copied(run: Filter) -> Filter:
+def _copy_filter(run: Filter) -> Filter:
     """Return a copy of a filter, which shares the updates by fixes and what does not change."""
     copied = Filter(
         **{name: values if name in SHARED else values.copy() for name, values in run._asdict().items()}
@@ -361,7 +361,7 @@ def _smooth(w: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArra
 
 
 @loop_kernel
-def backwards(
+def smooth_backwards(
     run: Filter,
     imu: Imu,
     fixes: Fixes,
@@ -407,7 +407,7 @@ def backwards(
         at, dt = k - first, imu.time[k + 1] - imu.time[k]
         _copy(kept.w[at], run.w)
         _smooth(run.w, later, Later, half, P)
-        state = corrected(kept.state[at], run.w, run.T, x, spare)
+        state = write_corrected_state(kept.state[at], run.w, run.T, x, spare)
         store(out, k + 1, state, run.w, run.T)
         for m in range(kept.fixes[at + 1] - 1, kept.fixes[at] - 1, -1):
             if out.fix_sample[m] == k + 1:
@@ -422,10 +422,10 @@ def backwards(
     if first == 0:
         _copy(kept.w[last], run.w)
         _smooth(run.w, later, Later, half, P)
-        store(out, 0, corrected(kept.state[last], run.w, run.T, x, spare), run.w, run.T)
+        store(out, 0, write_corrected_state(kept.state[last], run.w, run.T, x, spare), run.w, run.T)
 
 
 @functools.cache
 def backward_pass(model: ErrorModel, *, aided: bool) -> Callable[..., None]:
     """Return the backward pass over some samples, compiled, or loaded from the disk, when first called."""
-    return loop(backwards, model, aided=aided)
+    return loop(smooth_backwards, model, aided=aided)

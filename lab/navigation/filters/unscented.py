@@ -43,8 +43,8 @@ from lab.navigation.filters.unscented_noise import decay_errors, drive
 from lab.navigation.filters.unscented_updates import is_rest_due, judge_fix, update_at_rest, update_by_fix
 from lab.navigation.kernels.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.kernels.flight_piece import FlightPiece
-from lab.navigation.kernels.generation import Variant, generated
-from lab.navigation.kernels.lane_points import MOST_TURN, point_of, step_abreast, step_kernel
+from lab.navigation.kernels.generation import Variant, generate_module
+from lab.navigation.kernels.lane_points import MOST_TURN, step_abreast, step_kernel, view_point
 from lab.navigation.kernels.lane_views import LANES
 from lab.navigation.kernels.propagation import NAV
 from lab.navigation.lever_arm import mean_rates_at_fixes
@@ -90,7 +90,7 @@ def navigate(
     turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=blocks.LEVER_ARM in names)
     run = UnscentedFilter.begin(start, belief, float(imu.time[0]), turned, names, aids)
 
-    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
+    def navigate_piece(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         if not is_long:
             advance(run, imu, fixes, out, first, schedule)
             return
@@ -99,12 +99,12 @@ def navigate(
         used = slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2]))
         piece.keep(out, piece.imu.time.size, *used)
 
-    navigate_segments(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
+    navigate_segments(run.noise, imu, solution, schedule, stretches, navigate_piece, PIECE if is_long else 0)
     return solution
 
 
 @embedded_kernel
-def _show(run: UnscentedFilter) -> None:
+def _write_output_covariance(run: UnscentedFilter) -> None:
     """Write the covariance of the output errors, T P Tᵀ."""
     T, n, half, shown = run.T, run.x.size, run.half, run.shown
     write_map(run.state, T)
@@ -142,7 +142,7 @@ def _form(run: UnscentedFilter) -> None:
             run.P[j, i] = p
     run.counts[1] = 0
     run.clock[0] = 0.0
-    _show(run)
+    _write_output_covariance(run)
 
 
 @embedded_kernel
@@ -200,7 +200,7 @@ def _step(run: UnscentedFilter, dtheta: Vector, dvelocity: Vector, dt: float) ->
         step_abreast(run.points, dtheta, dvelocity, dt, LANES)
     else:
         for point in range(2 * run.x.size):
-            step(point_of(run.points, point), dtheta, dvelocity, dt)
+            step(view_point(run.points, point), dtheta, dvelocity, dt)
     run.counts[1] += 1
     run.clock[0] += dt
     run.clock[1] += dt
@@ -236,7 +236,7 @@ def _take_aids(
         age = time - run.aids.time[a]
         if age <= dt * (1 + SLACK) and observe_aid(run, a, age, dt, schedule, out):
             out.aid_sample[a] = k + 1
-            _show(run)
+            _write_output_covariance(run)
         run.counts[2] = a + 1
 
 
@@ -246,7 +246,7 @@ def filter_all(
 ) -> None:
     """Advance a filter over `imu` from sample `first` on."""
     if first == 0:
-        _show(run)
+        _write_output_covariance(run)
         _store(out, 0, run)
     for k in range(first, imu.dtheta.shape[0]):
         time = imu.time[k + 1]
@@ -262,7 +262,7 @@ def filter_all(
                 _centre(run)
         if rest_due and update_at_rest(run):
             out.rest[k + 1] = True
-            _show(run)
+            _write_output_covariance(run)
         take_aids(run, out, k, time, dt, schedule)
         while fix_due:
             age = time - fixes.time[m]
@@ -274,7 +274,7 @@ def filter_all(
                     out.fix_rejected[m] = True
                 else:
                     update_by_fix(run, nu, schedule.hold_heading and became == USED, out.fix_held[m])
-                    _show(run)
+                    _write_output_covariance(run)
                     _store_fix(out, m, k + 1, run)
                     out.fix_recovered[m] = became == RECOVERED
             m += 1
@@ -291,7 +291,7 @@ def driver(*, aided: bool) -> Callable[[UnscentedFilter, Imu, Fixes, Solution, i
     if aided:
         own[aid_due], own[take_aids] = _aid_due, _take_aids
         name = "nonlinear aids"
-    made: Callable[[UnscentedFilter, Imu, Fixes, Solution, int, Schedule], None] = generated(
+    made: Callable[[UnscentedFilter, Imu, Fixes, Solution, int, Schedule], None] = generate_module(
         name, "The unscented filter, in a wander-azimuth frame.", [filter_all], Variant(own)
     )[filter_all]
     return made

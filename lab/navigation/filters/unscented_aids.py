@@ -22,7 +22,7 @@ from lab.navigation.filters.schedule import Schedule
 from lab.navigation.filters.sigma_points import SPREAD, WEIGHT, displace, draw_sigma_points, transport
 from lab.navigation.filters.unscented_filter import UnscentedFilter
 from lab.navigation.kernels.compilation import inline_kernel, kernel
-from lab.navigation.kernels.lane_points import point_of
+from lab.navigation.kernels.lane_points import view_point
 from lab.navigation.solution import Solution
 
 
@@ -72,7 +72,7 @@ def observe_aid(
     for i in range(n):
         gain[i] = 0.0
     for point in range(2 * n):
-        there = point_of(run.points, point)
+        there = view_point(run.points, point)
         _turn_as_biased(state, there)
         seen = predict_aid(there, north_axes(there, age), kind, value, field, aids.place, age, dt, row)
         d = _difference(kind, z, seen)

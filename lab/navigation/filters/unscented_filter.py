@@ -20,7 +20,7 @@ from lab.navigation.filters.further_columns import with_blocks
 from lab.navigation.filters.heading_observability import DIRECTIONS
 from lab.navigation.filters.kalman import MEASUREMENTS
 from lab.navigation.filters.schedule import Schedule
-from lab.navigation.kernels.lane_points import room_for
+from lab.navigation.kernels.lane_points import allocate_points
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.solution import Belief, Start, read_only
 from lab.navigation.standstill import ROOM
@@ -103,13 +103,13 @@ class UnscentedFilter(NamedTuple):
         n = blocks.count(names)
         model = with_blocks(wander_models.PSI, names)
         state = np.zeros(wander.LENGTH)
-        frames.place(state, start.position, model)
+        frames.write_position(state, start.position, model)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
         return cls(
             state,
-            room_for(2 * n),
+            allocate_points(2 * n),
             np.array(initial_covariance(model, state, belief.P0), dtype=np.float64, order="C"),
             np.zeros((n, n)),
             np.zeros((2 * n, n)),
@@ -136,7 +136,7 @@ class UnscentedFilter(NamedTuple):
             np.array(belief.lever_arm, dtype=np.float64),
             np.array(turned, dtype=np.float64),
             np.zeros(ROOM),
-            np.array(blocks.places(names), dtype=np.int64),
+            np.array(blocks.find_places(names), dtype=np.int64),
             np.array([blocks.first_state(names, name) for name in SEEN], dtype=np.int64),
             read_only(aids),
         )

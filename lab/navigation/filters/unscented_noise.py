@@ -12,7 +12,7 @@ import math
 from lab.navigation import strapdown
 from lab.navigation.filters.unscented_filter import GYRO_DRIFT, UnscentedFilter
 from lab.navigation.kernels.compilation import inline_kernel
-from lab.navigation.kernels.lane_points import point_of
+from lab.navigation.kernels.lane_points import view_point
 from lab.navigation.strapdown import Matrix, get, plus, put
 from lab.navigation.wander import quaternion
 
@@ -25,7 +25,7 @@ def decay_errors(run: UnscentedFilter, elapsed: float) -> None:
             kept, place = math.exp(-run.decay[b] * elapsed), run.places[b]
             run.state[place] *= kept
             for point in range(2 * run.x.size):
-                point_of(run.points, point)[place] *= kept
+                view_point(run.points, point)[place] *= kept
             for i in range(run.x.size):
                 run.driven[9 + b, i] *= kept
             for i in range(run.x.size):

@@ -151,7 +151,8 @@ def declare_states(
             f"own states {name!r}: there is already a state {twice[0]!r}; accepted are new names"
         )
     sigmas, drifts = (
-        _each(name, what, value, k) for what, value in (("sigma", sigma), ("drift_sigma", drift_sigma))
+        _broadcast_sigma(name, what, value, k)
+        for what, value in (("sigma", sigma), ("drift_sigma", drift_sigma))
     )
     if not isinstance(correlation_time, Real) or not (0 < correlation_time < math.inf):
         raise SettingError(
@@ -161,7 +162,7 @@ def declare_states(
     block = f"{name} #{next(_NUMBERS)}"
     declared = UserStates(name, block, effect, sigmas, drifts, float(correlation_time))
     _check_effect(declared)
-    place = _place(name, k)
+    place = _find_room(name, k)
     process = blocks.gauss_markov(sigmas**2, drifts**2, float(correlation_time))
     blocks.OWN[block] = Block(
         tuple(states),
@@ -174,7 +175,7 @@ def declare_states(
     _DECLARED[name] = declared
 
 
-def _place(name: str, size: int) -> int:
+def _find_room(name: str, size: int) -> int:
     """Return where in the state of a navigator there is room beside the states declared with other names."""
     taken: set[int] = set()
     for other in _DECLARED.values():
@@ -189,7 +190,7 @@ def _place(name: str, size: int) -> int:
     )
 
 
-def _each(name: str, what: str, value: float | Sequence[float], k: int) -> FloatArray:
+def _broadcast_sigma(name: str, what: str, value: float | Sequence[float], k: int) -> FloatArray:
     """Return a standard deviation for each state."""
     try:
         values = np.asarray(value, dtype=np.float64)
@@ -228,14 +229,14 @@ def _check_effect(own: UserStates) -> None:
             f"own states {own.name!r}: the effect of a rate of {rate} rad/s and a force of {force} m/s² is "
             f"not finite; accepted are {accepted}"
         )
-    if not any(_acts(own, *motion) for motion in _MOTIONS):
+    if not any(_shows_effect(own, *motion) for motion in _MOTIONS):
         raise SettingError(
             f"own states {own.name!r}: the effect is zero for gentle and for hard motions; accepted are "
             f"{accepted}"
         )
 
 
-def _acts(own: UserStates, rate: Vector, force: Vector) -> bool:
+def _shows_effect(own: UserStates, rate: Vector, force: Vector) -> bool:
     """Return whether an effect shows in a motion."""
     E = np.zeros((own.size, own_room.WIDTH)).T
     with contextlib.suppress(ArithmeticError, ValueError):  # outside the range of a function of `math`

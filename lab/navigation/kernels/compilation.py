@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-from lab.base.compiling.compiled_cache import DISABLE_JIT, CachedKernel, cached
+from lab.base.compiling.compiled_cache import DISABLE_JIT, CachedKernel, compile_cached
 from lab.base.compiling.kernel_compiler import Kernel
 
 P = ParamSpec("P")
@@ -69,12 +69,12 @@ def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function called from Python: cached on disk, and running without the interpreter's lock."""
-    return cast(Callable[P, R], cached(function, OPTIONS | ALLOCATING | ENTRY))
+    return cast(Callable[P, R], compile_cached(function, OPTIONS | ALLOCATING | ENTRY))
 
 
 def loop_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a loop over samples as `entry_kernel` does; it makes no arrays."""
-    return cast(Callable[P, R], cached(function, OPTIONS | ENTRY))
+    return cast(Callable[P, R], compile_cached(function, OPTIONS | ENTRY))
 
 
 def passing_loop_kernel(function: Callable[P, R]) -> Callable[P, R]:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lab.navigation import strapdown
-from lab.navigation.filters.correction import correct, corrected, corrections, has_estimate
+from lab.navigation.filters.correction import correct, corrections, has_estimate, write_corrected_state
 from lab.navigation.filters.error_models import ErrorModel, write_f
 from lab.navigation.filters.filter import Filter
 from lab.navigation.filters.held_heading import straighten
@@ -22,8 +22,8 @@ from lab.navigation.filters.observation import observations, observe, observe_ai
 from lab.navigation.filters.prediction import (
     add_noise,
     add_noise_in_body,
+    build_kept_part,
     kept_part,
-    kept_part_of,
     predict,
     predict_over_sums,
 )
@@ -35,8 +35,8 @@ from lab.navigation.kernels.compilation import (
     loop_kernel,
     passing_loop_kernel,
 )
-from lab.navigation.kernels.generation import Generated, Kernel, Redecorated, Variant, generated
-from lab.navigation.kernels.propagation import layout_constants, propagate, propagation_of
+from lab.navigation.kernels.generation import Generated, Kernel, Redecorated, Variant, generate_module
+from lab.navigation.kernels.propagation import build_propagate, layout_constants, propagate
 from lab.navigation.kernels.storage import store, store_fix, storing
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import HELD, gather_rest, hold_attitude
@@ -139,7 +139,7 @@ def take_measurements(
                     clock[0] = time
                     pending = False
                 if pending:
-                    corrected(state, w, T, x, spare)
+                    write_corrected_state(state, w, T, x, spare)
                 store_fix(fix_covariance[m], spare if pending else state, w, T)
         m += 1
         counts[0] = m
@@ -177,7 +177,7 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
         if due or (rest.size > 0 and rest[k]):
             left = take_measurements(run, imu, fixes, out, k, schedule, left == PENDING)
         if left == PENDING:
-            store(out, k + 1, corrected(state, w, T, x, spare), w, T)
+            store(out, k + 1, write_corrected_state(state, w, T, x, spare), w, T)
         else:
             store(out, k + 1, state, w, T)
     return times.size - 1
@@ -202,8 +202,8 @@ def steps(model: ErrorModel, *, summed: bool, aided: bool = False) -> Generated:
         **storing(model),
         **model.variant.kernels,
         **user_kernels(model.blocks),
-        propagate: propagation_of(model),
-        kept_part: kept_part_of(model),
+        propagate: build_propagate(model),
+        kept_part: build_kept_part(model),
     }
     if not model.blocks:
         own |= strapdown.UNSCALED
@@ -216,8 +216,8 @@ def steps(model: ErrorModel, *, summed: bool, aided: bool = False) -> Generated:
     variant = Variant(own, {**model.variant.constants, **layout_constants(model.blocks)})
     name = _name(model, summed=summed, aided=aided)
     moving = step, write_f, straighten, predict
-    roots = *moving, take_measurements, aid_due, corrected, has_estimate, store, store_fix
-    return generated(f"steps {name}", f"The steps of the filter {name}.", roots, variant)
+    roots = *moving, take_measurements, aid_due, write_corrected_state, has_estimate, store, store_fix
+    return generate_module(f"steps {name}", f"The steps of the filter {name}.", roots, variant)
 
 
 def _name(model: ErrorModel, *, summed: bool, aided: bool) -> str:
@@ -242,7 +242,7 @@ def loop(function: Kernel, model: ErrorModel, *, summed: bool = False, aided: bo
         own = Variant({**own.kernels, function: Redecorated(function, passing_loop_kernel)}, own.constants)
     name, what = _name(model, summed=summed, aided=aided), function.__name__
     title = f"The loop `{what}` of the filter {name}."
-    made: Kernel = generated(f"{what} {name}", title, [function], own, [parts])[function]
+    made: Kernel = generate_module(f"{what} {name}", title, [function], own, [parts])[function]
     return made
 
 

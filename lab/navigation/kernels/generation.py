@@ -25,7 +25,7 @@ from typing import Any
 
 from lab.base.collection_pause import collection_pause
 from lab.base.compiling.fingerprint import plain_function, uses
-from lab.base.compiling.generated_module import module_of
+from lab.base.compiling.generated_module import load_module
 from lab.navigation.kernels import compilation
 
 Kernel = Callable[..., Any]
@@ -127,7 +127,7 @@ class Generated:
         return getattr(self.module, self.made[final]) if final in self.made else final
 
 
-def generated(
+def generate_module(
     name: str, title: str, roots: Sequence[Any], variant: Variant, parts: Sequence[Generated] = ()
 ) -> Generated:
     """Return a module with some kernels of a variant, and with those that they call.
@@ -147,18 +147,18 @@ def generated(
         writer = _Writer(variant, parts)
         for root in roots:
             writer.include(root)
-        module = module_of(re.sub(r"\W+", "_", name), writer.text(title))
+        module = load_module(re.sub(r"\W+", "_", name), writer.text(title))
     return Generated(module, writer.made, variant)
 
 
 @functools.cache
-def interpreted(kernel: Kernel, variant: Variant = Variant()) -> Kernel:
+def interpret_kernel(kernel: Kernel, variant: Variant = Variant()) -> Kernel:
     """Return a kernel and all kernels that it calls as plain Python: slow, but ready at once."""
     with _LOCK, collection_pause():
         writer = _Writer(variant, plain=True)
         name = writer.include(kernel)
         title = f"The kernel {name} as plain Python."
-        module = module_of(f"plain_{name}", writer.text(title), in_memory=True)
+        module = load_module(f"plain_{name}", writer.text(title), in_memory=True)
     return getattr(module, name)  # type: ignore[no-any-return]
 
 
@@ -198,30 +198,30 @@ class _Writer:
             return self.made[value]
         for part in self._parts:
             if value in part.made:
-                return self._imported(value, part.made[value], part.module.__name__)
+                return self._import_name(value, part.made[value], part.module.__name__)
         if self._is_changed(value):
-            return self._copied(value)
+            return self._write_kernel(value)
         plain = plain_function(value)
         for known in (name, plain.__name__) if plain is not None else ():
             if vars(sys.modules[plain.__module__]).get(known) is value:
                 name, home = known, plain.__module__
         assert vars(sys.modules[home])[name] is value, f"no module has the kernel {plain} by its name"
-        return self._imported(value, name, home)
+        return self._import_name(value, name, home)
 
-    def _other(self, value: Any, name: str, home: str) -> str:
+    def _name_value(self, value: Any, name: str, home: str) -> str:
         """Return the name of a constant, type or module."""
         if self._is_constant(name, value):
             new = self._variant.constants[name][1]
-            name = self._free(name, new)
+            name = self._unused_name(name, new)
             self._constants[f"{name} = {new!r}"] = None
             return name
-        return self._imported(value, name, home)
+        return self._import_name(value, name, home)
 
-    def _imported(self, value: Any, name: str, home: str) -> str:
+    def _import_name(self, value: Any, name: str, home: str) -> str:
         if isinstance(value, type) and vars(sys.modules[value.__module__]).get(name) is value:
             home = value.__module__
         taken = len(self._taken)
-        own = self._free(name, id(value) if _is_kernel(value) else (type(value), value))
+        own = self._unused_name(name, id(value) if _is_kernel(value) else (type(value), value))
         if len(self._taken) == taken:
             return own  # the same value, imported for another kernel
         if isinstance(value, ModuleType):
@@ -230,7 +230,7 @@ class _Writer:
             self._imports.setdefault(home, []).append(f"{name} as {own}" if own != name else name)
         return own
 
-    def _free(self, name: str, value: object) -> str:
+    def _unused_name(self, name: str, value: object) -> str:
         """Return a name that nothing else in the module has."""
         while self._taken.setdefault(name, value) != value:
             name += "_"
@@ -255,7 +255,7 @@ class _Writer:
             )
         return self._changed[value]
 
-    def _copied(self, value: Any) -> str:
+    def _write_kernel(self, value: Any) -> str:
         """Write the text of a kernel, with the names of this module, and return its name."""
         source: Any = value.kernel if isinstance(value, Redecorated) else value
         if isinstance(value, Slot):
@@ -266,7 +266,7 @@ class _Writer:
             scope = {**vars(compilation), **source.uses}
         else:
             name, text, home, scope = plain.__name__, _source(plain), plain.__module__, plain.__globals__
-        own = self.made[value] = self._free(name, id(value))
+        own = self.made[value] = self._unused_name(name, id(value))
         place = len(self._texts)
         self._texts.append("")
         tree = ast.parse(text).body[0]
@@ -276,7 +276,7 @@ class _Writer:
             replaced[decorator] = self._kernel(
                 value.decorator, value.decorator.__name__, compilation.__name__
             )
-        lines = _replaced(text, replaced)
+        lines = _replace_expressions(text, replaced)
         first = tree.lineno - 1 if self._plain else 0
         self._texts[place] = "\n".join(lines[first:]).replace(f"def {name}(", f"def {own}(", 1)
         return own
@@ -309,7 +309,7 @@ class _Writer:
                 final = self._variant.kernels.get(value, value) if replace else value
                 found[node] = self._kernel(final, name, module)
             else:
-                found[node] = self._other(value, name, module)
+                found[node] = self._name_value(value, name, module)
             assert found[node] not in local, (
                 f"{found[node]} is also a variable of {getattr(tree, 'name', '')}"
             )
@@ -392,7 +392,7 @@ def _parts(code: CodeType) -> tuple[object, ...]:
     )
 
 
-def _replaced(text: str, names: Mapping[ast.expr, str]) -> list[str]:
+def _replace_expressions(text: str, names: Mapping[ast.expr, str]) -> list[str]:
     """Return the lines of a text with other names in the place of some expressions, each within a line."""
     lines = [line.encode() for line in text.splitlines()]  # the parser counts bytes
     for node in sorted(names, key=lambda one: (one.lineno, one.col_offset), reverse=True):

@@ -14,7 +14,7 @@ from lab.base.compiling.compiled_cache import DISABLE_JIT
 from lab.navigation import strapdown, wander
 from lab.navigation.filters.filter import aligned_zeros
 from lab.navigation.kernels.compilation import embedded_kernel, separate_kernel
-from lab.navigation.kernels.generation import Variant, generated
+from lab.navigation.kernels.generation import Variant, generate_module
 from lab.navigation.kernels.lane_views import LANES, numbers, wide_vectors
 from lab.navigation.strapdown import Vector
 from lab.navigation.wander import LENGTH
@@ -24,13 +24,13 @@ MOST_TURN = 0.4
 to 0.5 rad, and the biases and scale factors of a point make its rotation a little larger."""
 
 
-def room_for(points: int) -> FloatArray:
+def allocate_points(points: int) -> FloatArray:
     """Return a buffer for some sigma points, zeros."""
     return aligned_zeros(-(-points // LANES) * LANES * LENGTH)
 
 
 @embedded_kernel
-def point_of(points: FloatArray, number: int) -> FloatArray:
+def view_point(points: FloatArray, number: int) -> FloatArray:
     """Return the sigma point with a number, a view: a navigator's state.
 
     Embedded, because the compiler lets no kernel return a view.
@@ -58,4 +58,4 @@ def step_kernel() -> Any:
         return step_abreast
     own = {**wander.STEP, strapdown.rotation: strapdown.small_rotation}
     title = "One sample of the sigma points of the unscented filter, eight abreast."
-    return generated("nonlinear points", title, [step_abreast], Variant(own))[step_abreast]
+    return generate_module("nonlinear points", title, [step_abreast], Variant(own))[step_abreast]

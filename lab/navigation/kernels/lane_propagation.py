@@ -11,9 +11,9 @@ from typing import Any
 from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.filters.error_models import ErrorModel
-from lab.navigation.filters.prediction import add_noise, faded
+from lab.navigation.filters.prediction import add_noise, decay_factor
 from lab.navigation.kernels.compilation import inline_kernel, kernel, separate_kernel
-from lab.navigation.kernels.generation import Generated, Slot, Variant, Written, generated
+from lab.navigation.kernels.generation import Generated, Slot, Variant, Written, generate_module
 from lab.navigation.kernels.lane_step import (
     COVARIANCE,
     DECAY,
@@ -34,37 +34,37 @@ from lab.navigation.kernels.propagation import (
     PLACES,
     STATES,
     WIDTH,
+    build_propagate,
+    find_terms,
     propagate,
-    propagation_of,
-    terms_of,
 )
 
 COUNT, ELAPSED = 0, 1
 """Samples since P was last propagated, and their length [s]."""
 
 add_to_sum = Slot("add_to_sum")
-"""``add_to_sum(F, dt, total)``: see `sum_of`."""
+"""``add_to_sum(F, dt, total)``: see `build_add_to_sum`."""
 
 
-def sum_of(model: ErrorModel) -> Written:
+def build_add_to_sum(model: ErrorModel) -> Written:
     """Return the kernel `add_to_sum` of a model: it adds what can be non-zero of F dt to a sum."""
     lines = ["@inline_kernel", "def add_to_sum(F, dt, total):"]
-    for row, columns in terms_of(model).items():
+    for row, columns in find_terms(model).items():
         lines += [f"    total[{model.states * row + c}] += dt * F[{model.states * row + c}]" for c in columns]
     return Written("add_to_sum", "\n".join(lines))
 
 
 power_times = Slot("power_times")
-"""``power_times(power, A, out)``: see `power_of`."""
+"""``power_times(power, A, out)``: see `build_power_times`."""
 
 
-def power_of(model: ErrorModel) -> Written:
+def build_power_times(model: ErrorModel) -> Written:
     """Return the kernel `power_times` of a model.
 
     It writes the navigation rows of the product of a power of A with A, the sum of F dt, of which only the
     elements are multiplied that can be non-zero; without the decay of the driven states.
     """
-    terms, n = terms_of(model), model.states
+    terms, n = find_terms(model), model.states
     lines = ["@kernel", "def power_times(power, A, out):", f"    for at in range(0, {NAV * n}, {n}):"]
     lines += [f"        p_{m} = power[at + {m}]" for m in range(NAV)]
     for c in range(n):
@@ -221,7 +221,7 @@ def transition(buffer: FloatArray, elapsed: float) -> None:
     for k in range(NAV * STATES):
         E[k] = A[k] + square[k] * (1 / 2) + E[k] * (1 / 6)
     for b in range(DRIVEN):
-        kept[b] = faded(decay[b], elapsed)
+        kept[b] = decay_factor(decay[b], elapsed)
 
 
 @inline_kernel
@@ -265,7 +265,7 @@ def add_product(
     out[at + 2 * STATES], out[at + 2 * STATES + 1], out[at + 2 * STATES + 2] = c0, c1, c2
 
 
-def flight_of(model: ErrorModel, own: Variant, *, summed: bool) -> Generated:
+def generate_flight(model: ErrorModel, own: Variant, *, summed: bool) -> Generated:
     """Return the kernels `fly` and `arrive` of a north-slaved model.
 
     Parameters
@@ -279,9 +279,9 @@ def flight_of(model: ErrorModel, own: Variant, *, summed: bool) -> Generated:
     """
     kernels: dict[Any, Any] = {
         **own.kernels,
-        propagate: propagation_of(model, abreast=True),
-        add_to_sum: sum_of(model),
-        power_times: power_of(model),
+        propagate: build_propagate(model, abreast=True),
+        add_to_sum: build_add_to_sum(model),
+        power_times: build_power_times(model),
         strapdown.rotation: strapdown.small_rotation,
     }
     if summed:
@@ -290,4 +290,4 @@ def flight_of(model: ErrorModel, own: Variant, *, summed: bool) -> Generated:
     name = f"fly {model.label}{' sums' * summed}"
     title = f"Eight runs abreast of the filter {model.label}, between fixes."
     constants = {**own.constants, **lane_layout_constants(model.blocks), **rows}
-    return generated(name, title, [fly, arrive], Variant(kernels, constants))
+    return generate_module(name, title, [fly, arrive], Variant(kernels, constants))

@@ -74,7 +74,7 @@ def lane_layout_constants(names: Sequence[str]) -> dict[str, tuple[object, objec
 
 
 @inline_kernel
-def gained(state: FloatArray, given: FloatArray) -> strapdown.Vector:
+def sum_increments(state: FloatArray, given: FloatArray) -> strapdown.Vector:
     """Return the sum of all velocity increments up to a sample, from the numbers from `INCREMENTS` on."""
     at = strapdown.Q_NB
     C_nb = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
@@ -86,7 +86,7 @@ def gained(state: FloatArray, given: FloatArray) -> strapdown.Vector:
 def lane_step(buffer: Any, lane: int, dt: float) -> None:
     """Advance one run of the block by one sample, and write F. A rotation must be below 0.5 rad."""
     state, given = numbers(buffer, 0, lane), numbers(buffer, INCREMENTS, lane)
-    strapdown.put(given, 6, gained(state, given))
+    strapdown.put(given, 6, sum_increments(state, given))
     force = given[3], given[4], given[5]
     strapdown.step(state, (given[0], given[1], given[2]), force, dt)
     write_f(state, rows(buffer, SYSTEM, STATES, lane))

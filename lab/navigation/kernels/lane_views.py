@@ -62,7 +62,7 @@ def _vector(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 @_lower_cast(types.Number, Wide)
-def _cast(context: Any, builder: Any, kind: Any, _to: Any, value: Any) -> Any:
+def _cast_to_wide(context: Any, builder: Any, kind: Any, _to: Any, value: Any) -> Any:
     """Return a number as that of all runs."""
     return _vector(context, builder, kind, value)
 
@@ -143,7 +143,7 @@ def _view(context: Any, builder: Any, signature: Any, arguments: Any, steps: lis
     return _array(context, builder, signature.return_type, data, strides)
 
 
-def _wide(context: Any, buffer: Any, first: Any) -> Any:
+def _view_wide(context: Any, buffer: Any, first: Any) -> Any:
     """Return the numbers from `first` on of all runs as an array of wide numbers."""
     view = types.Array(WIDE, 1, "C")
 
@@ -188,7 +188,7 @@ def plain_rows(buffer: FloatArray, first: int, width: int, lane: int) -> FloatAr
     return matrix
 
 
-def plain_wide(buffer: FloatArray, first: int) -> FloatArray:
+def view_plain(buffer: FloatArray, first: int) -> FloatArray:
     """Return the numbers from `first` on of all runs, (k, LANES)."""
     view: FloatArray = np.asarray(buffer[first * LANES :]).reshape(-1, LANES)
     return view
@@ -199,4 +199,4 @@ def plain_wide(buffer: FloatArray, first: int) -> FloatArray:
 wide_vectors: Kernel = plain_wide_vectors if DISABLE_JIT else intrinsic(_wide_vectors)
 numbers: Kernel = plain_numbers if DISABLE_JIT else intrinsic(_numbers)
 rows: Kernel = plain_rows if DISABLE_JIT else intrinsic(_rows)
-wide: Kernel = plain_wide if DISABLE_JIT else intrinsic(_wide)
+wide: Kernel = view_plain if DISABLE_JIT else intrinsic(_view_wide)

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
 from lab.navigation.filters.error_models import NORTH_SLAVED, ErrorModel
-from lab.navigation.filters.filter import Filter, aligned_zeros, begun
+from lab.navigation.filters.filter import Filter, aligned_zeros, initial_state
 from lab.navigation.filters.schedule import SLACK, Schedule
 from lab.navigation.kernels.compilation import embedded_kernel, is_ready, kernel, loop_kernel
 from lab.navigation.kernels.driver import steps, take_measurements
-from lab.navigation.kernels.generation import Redecorated, Variant, generated
-from lab.navigation.kernels.lane_propagation import arrive, flight_of, fly
-from lab.navigation.kernels.lane_step import COVARIANCE, INCREMENTS, WHITE, gained, lane_layout
+from lab.navigation.kernels.generation import Redecorated, Variant, generate_module
+from lab.navigation.kernels.lane_propagation import arrive, fly, generate_flight
+from lab.navigation.kernels.lane_step import COVARIANCE, INCREMENTS, WHITE, lane_layout, sum_increments
 from lab.navigation.kernels.lane_views import LANES, numbers
 from lab.navigation.kernels.propagation import NAV, STATES, WIDTH, X, layout
 from lab.navigation.kernels.storage import store
@@ -165,7 +165,7 @@ def advance(
             for lane in range(LANES):
                 _load_shown(run, buffer, lane)
                 given = numbers(buffer, INCREMENTS, lane)
-                force[lane, r, 0], force[lane, r, 1], force[lane, r, 2] = gained(run.state, given)
+                force[lane, r, 0], force[lane, r, 1], force[lane, r, 2] = sum_increments(run.state, given)
                 store(out, lane * stored.size + r, run.state, run.w, run.T)
             r += 1
 
@@ -175,12 +175,12 @@ def _advance(model: ErrorModel, *, summed: bool) -> Callable[..., None]:
     """Return the loop over all samples for a model, which is compiled, or loaded, when first called."""
     parts = steps(model, summed=summed)
     kernels, constants = parts.variant.kernels, parts.variant.constants
-    flight = flight_of(model, parts.variant, summed=summed)
+    flight = generate_flight(model, parts.variant, summed=summed)
     # Embedded: a call with so many arrays takes a third of the time of a fix.
     taking = Redecorated(take_measurements, embedded_kernel)
     variant = Variant({**kernels, **flight.variant.kernels, take_measurements: taking}, constants)
     name, title = f"lanes {model.label}{' sums' * summed}", f"Eight runs abreast of the filter {model.label}."
-    made = generated(name, title, [advance], variant, [parts, flight])
+    made = generate_module(name, title, [advance], variant, [parts, flight])
     whole: Callable[..., None] = made[advance]
     return whole
 
@@ -291,7 +291,7 @@ def _block(run: Filter, lanes: Sequence[Lane], model: ErrorModel, fixes: int) ->
     n, space, place = model.states, layout(model.blocks), lane_layout(model.blocks)
     buffer = aligned_zeros(LANES * place.END).reshape(-1, LANES)
     for own, lane in enumerate(lanes):
-        state, P = begun(lane.start, lane.belief, model)
+        state, P = initial_state(lane.start, lane.belief, model)
         for first, values in (
             (0, state[: strapdown.LENGTH]),
             (COVARIANCE, P[:n, :n].ravel()),

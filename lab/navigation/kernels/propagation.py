@@ -104,14 +104,14 @@ def layout(names: Sequence[str]) -> Layout:
     states = blocks.count(names)
     scales = sum(blocks.block(name).size for name in names if name in blocks.SCALES)
     own = blocks.user_states(names)
-    ends = [blocks.states_of(names, name).stop for name in names if not blocks.block(name).constant]
+    ends = [blocks.find_states(names, name).stop for name in names if not blocks.block(name).constant]
     return Layout(
         states,
         8 * (states // 8 + 1),
         states,
         max([blocks.CORE, *ends]) - NAV,
         scales,
-        blocks.places(names),
+        blocks.find_places(names),
         own.start,
         own.stop - own.start,
     )
@@ -140,9 +140,9 @@ ACCESS: dict[str, object] = {"number": number, "put_number": put_number}
 """What the code written here uses."""
 
 propagate = Slot("propagate")
-"""``propagate(F, dt, decay, w)``: see `propagation_of`."""
+"""``propagate(F, dt, decay, w)``: see `build_propagate`."""
 project = Slot("project")
-"""``project(T, w, k, variance, covariance)``: see `projection_of`."""
+"""``project(T, w, k, variance, covariance)``: see `build_project`."""
 
 
 @inline_kernel
@@ -161,13 +161,13 @@ ACCESS_ABREAST: dict[str, object] = {"number": element, "put_number": put_elemen
 """The same for numbers of eight runs (`lane_views.wide`)."""
 
 
-def terms_of(model: ErrorModel) -> dict[int, list[int]]:
+def find_terms(model: ErrorModel) -> dict[int, list[int]]:
     """Return the columns of the elements of F that can be non-zero, for each navigation row."""
     pattern = model.pattern()[:NAV]
     return {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern)}
 
 
-def propagation_of(model: ErrorModel, *, abreast: bool = False) -> Written:
+def build_propagate(model: ErrorModel, *, abreast: bool = False) -> Written:
     """Return the kernel `propagate` of an error model.
 
     It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and
@@ -180,7 +180,7 @@ def propagation_of(model: ErrorModel, *, abreast: bool = False) -> Written:
     abreast
         For numbers of eight runs, without x: the rows of P are as long as it has states.
     """
-    terms, space = terms_of(model), layout(model.blocks)
+    terms, space = find_terms(model), layout(model.blocks)
     if abreast:
         space = space._replace(WIDTH=space.STATES)
     lines = ["@inline_kernel", "def propagate(F, dt, decay, w):"]
@@ -306,7 +306,7 @@ def propagate_over(E: FloatArray, w: FloatArray) -> None:
         w[WIDTH * b + X] *= 1 + E[b, b]
 
 
-def projection_of(model: ErrorModel) -> Written:
+def build_project(model: ErrorModel) -> Written:
     """Return the kernel `project` of an error model.
 
     It writes row k of the histories `variance` (n, states) and `covariance` (n, 2, 3) of a `Solution`: the

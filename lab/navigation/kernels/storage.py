@@ -19,8 +19,8 @@ from lab.navigation.kernels.propagation import (
     SCALES,
     STATES,
     WIDTH,
+    build_project,
     project,
-    projection_of,
 )
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import GYRO_BIAS, GYRO_SCALE
@@ -94,5 +94,5 @@ def storing(model: ErrorModel) -> dict[Kernel, object]:
     """Return the kernels of a model in place of those above."""
     found: dict[Kernel, object] = {}
     if model.write_map:
-        found |= {store: store_mapped, store_fix: store_fix_mapped, project: projection_of(model)}
+        found |= {store: store_mapped, store_fix: store_fix_mapped, project: build_project(model)}
     return found

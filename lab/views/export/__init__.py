@@ -12,16 +12,16 @@ from pathlib import Path
 from lab.base.files.atomic_file import atomic_file
 from lab.experiment.result import Result
 from lab.missions import Mission, write_flight_csv
-from lab.run.provenance import block_of, facts_of_mission
+from lab.run.provenance import facts_block, facts_of_mission
 from lab.views.export import gpx, kml
-from lab.views.export.tracks import Tracks, recording_of, tracks_of
-from lab.views.export.trajectory_files import WRITERS, trajectory_of
+from lab.views.export.tracks import Tracks, make_recording, make_tracks
+from lab.views.export.trajectory_files import WRITERS, make_trajectory
 
 TEXTS = {".kml": kml.text, ".gpx": gpx.text}
 ENDINGS = (".kml", ".gpx", ".csv", ".csv.gz", *WRITERS)
 """Endings of the files that can be written."""
 
-__all__ = ["ENDINGS", "Tracks", "export_track", "tracks_of"]
+__all__ = ["ENDINGS", "Tracks", "export_track", "make_tracks"]
 
 
 def export_track(source: Result | Mission, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -65,12 +65,12 @@ def export_track(source: Result | Mission, path: str | os.PathLike[str], *, over
     ending = next((one for one in (*WRITERS, *TEXTS) if path.name.lower().endswith(one)), "")
     facts = source.facts if isinstance(source, Result) else facts_of_mission(source)
     if not ending:
-        write_flight_csv(path, recording_of(source), block_of(facts, "# ", short=True))
+        write_flight_csv(path, make_recording(source), facts_block(facts, "# ", short=True))
         return
     blocks = (
-        [TEXTS[ending](tracks_of(source)).encode()]
+        [TEXTS[ending](make_tracks(source)).encode()]
         if ending in TEXTS
-        else WRITERS[ending](trajectory_of(source), facts)
+        else WRITERS[ending](make_trajectory(source), facts)
     )
     with atomic_file(path) as file:
         for block in blocks:

@@ -36,8 +36,8 @@ def text(tracks: Tracks) -> str:
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">\n <Document>\n'
-        f"  <name>{xml(_plain(tracks.title))}</name>\n  <open>1</open>\n"
-        f"  <description>{xml(_plain(tracks.description))}</description>\n{styles}"
+        f"  <name>{xml(_strip_tags(tracks.title))}</name>\n  <open>1</open>\n"
+        f"  <description>{xml(_strip_tags(tracks.description))}</description>\n{styles}"
         '  <Style id="fixes"><IconStyle><color>ff00d7ff</color><scale>0.4</scale>'
         f"<Icon><href>{_DOT}</href></Icon></IconStyle><LabelStyle><scale>0</scale></LabelStyle></Style>\n"
         f"{_origin(tracks)}{''.join(marks)} </Document>\n</kml>\n"
@@ -53,7 +53,7 @@ def _origin(tracks: Tracks) -> str:
     )
 
 
-def _plain(text: str) -> str:
+def _strip_tags(text: str) -> str:
     """Return text without the signs of tags: Google Earth takes names and descriptions for HTML."""
     return text.translate({ord("<"): "‹", ord(">"): "›"})
 
@@ -62,7 +62,8 @@ def _line(track: Track, style: str) -> str:
     shown = track.thinned(MAX_POINTS)
     return (
         f"  <Placemark>\n   <name>{xml(track.name)}</name>\n"
-        f"   <description>{xml(_about(track, shown))}</description>\n   <styleUrl>#{style}</styleUrl>\n"
+        f"   <description>{xml(_describe_track(track, shown))}</description>\n   "
+        f"<styleUrl>#{style}</styleUrl>\n"
         "   <LineString>\n    <altitudeMode>absolute</altitudeMode>\n"
         f"    <coordinates>\n{_coordinates(shown)}    </coordinates>\n   </LineString>\n  </Placemark>\n"
     )
@@ -77,12 +78,13 @@ def _points(track: Track) -> str:
     )
     return (
         f"  <Placemark>\n   <name>{xml(track.name)}</name>\n"
-        f"   <description>{xml(_about(track, shown))}</description>\n   <styleUrl>#fixes</styleUrl>\n"
+        f"   <description>{xml(_describe_track(track, shown))}</description>\n   "
+        "<styleUrl>#fixes</styleUrl>\n"
         f"   <MultiGeometry>\n{points}   </MultiGeometry>\n  </Placemark>\n"
     )
 
 
-def _about(track: Track, shown: Track) -> str:
+def _describe_track(track: Track, shown: Track) -> str:
     low, high = track.position[:, 2].min(), track.position[:, 2].max()
     words = f"{track.time[0]:.1f} to {track.time[-1]:.1f} s, {low:.1f} to {high:.1f} m above the ellipsoid"
     if len(shown.time) < len(track.time):

@@ -15,7 +15,7 @@ from lab.experiment.result import Result
 from lab.missions import LogMission, Mission, Recording
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import wrap
-from lab.run.provenance import block_of, facts_of_mission
+from lab.run.provenance import facts_block, facts_of_mission
 from lab.views.envelope import thin_path
 
 HEIGHTS = (
@@ -94,7 +94,7 @@ class Tracks:
     @property
     def origin(self) -> str:
         """What made the tracks, as text of XML."""
-        return xml(f"\n{block_of(self.facts)}") if self.facts else ""
+        return xml(f"\n{facts_block(self.facts)}") if self.facts else ""
 
     @property
     def known(self) -> tuple[Track, ...]:
@@ -102,7 +102,7 @@ class Tracks:
         return tuple(one for one in (self.true, self.estimated, self.fixes) if one is not None)
 
 
-def tracks_of(source: Result | Mission) -> Tracks:
+def make_tracks(source: Result | Mission) -> Tracks:
     """Return where a flight was.
 
     Parameters
@@ -121,13 +121,13 @@ def tracks_of(source: Result | Mission) -> Tracks:
     if isinstance(source, LogMission):
         return replace(_of_log(source), facts=facts)
     recording = source.recording
-    track = _shown("Flight", recording.time - recording.time[0], recording.position)
+    track = _make_track("Flight", recording.time - recording.time[0], recording.position)
     return Tracks(
         source.title or source.name, f"{source.description}\n{HEIGHTS}".strip(), track, None, None, facts
     )
 
 
-def recording_of(source: Result | Mission) -> Recording:
+def make_recording(source: Result | Mission) -> Recording:
     """Return a flight as a flight csv holds it: the estimated one of a run, the recorded one of a mission.
 
     Raises
@@ -153,13 +153,13 @@ def _of_result(result: Result) -> Tracks:
     return Tracks(
         mission.title or mission.name,
         f"INS Lab: {mission.name}{seed}, navigated by {_navigator(result)}.\n{HEIGHTS}",
-        None if truth is None else _shown(result.truth_word.capitalize(), truth.time, truth.position),
-        _shown("Estimate", result.time, result.solution_arrays.position),
-        _shown(FIXES, result.fixes.time, result.fixes.position),
+        None if truth is None else _make_track(result.truth_word.capitalize(), truth.time, truth.position),
+        _make_track("Estimate", result.time, result.solution_arrays.position),
+        _make_track(FIXES, result.fixes.time, result.fixes.position),
     )
 
 
-def _shown(name: str, time: FloatArray, position: FloatArray) -> Track | None:
+def _make_track(name: str, time: FloatArray, position: FloatArray) -> Track | None:
     """Return a track; None without two points that are known."""
     track = Track.of(name, time, position)
     return track if len(track.time) >= 2 else None
@@ -175,7 +175,7 @@ def _of_log(mission: LogMission) -> Tracks:
     return Tracks(
         mission.title,
         f"{mission.description}\n{HEIGHTS}".strip(),
-        None if reference is None else _shown("Reference", reference.time, reference.position),
+        None if reference is None else _make_track("Reference", reference.time, reference.position),
         None,
-        _shown(FIXES, gnss.time - gnss.latency, gnss.position),
+        _make_track(FIXES, gnss.time - gnss.latency, gnss.position),
     )

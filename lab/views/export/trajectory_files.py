@@ -29,7 +29,7 @@ from lab.missions import LogMission, Mission
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import C_nb_from_euler, wrap
 from lab.navigation.filters.error_models import ATT, POS, VEL
-from lab.run.provenance import block_of
+from lab.run.provenance import facts_block
 
 MISSING = "parquet needs pyarrow, which is not installed: pip install 'ins-lab[parquet]'"
 """Why no parquet file is written."""
@@ -105,7 +105,7 @@ class Trajectory:
         return np.asarray(C_en @ C_nb_from_euler(self.euler))
 
 
-def trajectory_of(source: Result | Mission) -> Trajectory:
+def make_trajectory(source: Result | Mission) -> Trajectory:
     """Return the estimated trajectory of a run, that recorded of a mission, or the reference of a log.
 
     Raises
@@ -175,7 +175,7 @@ def tum(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
     place = (ecef.position(trajectory.position) - ecef.position(trajectory.origin[None])) @ axes
     quaternion = Rotation.from_matrix(axes.T @ trajectory.attitude_e).as_quat()
     degrees = np.degrees(trajectory.origin[:2])
-    yield block_of(facts, "# ").encode()
+    yield facts_block(facts, "# ").encode()
     yield (
         f"# east, north, up from latitude {degrees[0]:.12g} deg, longitude {degrees[1]:.12g} deg, "
         f"height {trajectory.origin[2]:.6f} m; body axes forward, right, down\n"
@@ -194,7 +194,7 @@ def pos(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
     off = np.column_stack((north_east, -east_down, -north_down))
     north, east, down = trajectory.velocity_n.T
     first, _, columns = _POS_HEAD.partition("\n")
-    yield f"{first}\n{block_of(facts, '% ')}{columns}".encode()
+    yield f"{first}\n{facts_block(facts, '% ')}{columns}".encode()
     table = np.column_stack((
         week, trajectory.time - week * WEEK, np.degrees(latitude), np.degrees(wrap(longitude)), height,
         np.nan_to_num(sigma), np.nan_to_num(np.sign(off) * np.sqrt(np.abs(off))), north, east, -down,
@@ -236,7 +236,7 @@ def sbet(trajectory: Trajectory, _facts: Mapping[str, Any]) -> Iterator[bytes]:
     yield records.tobytes()
 
 
-def table_of(trajectory: Trajectory) -> dict[str, FloatArray]:
+def trajectory_columns(trajectory: Trajectory) -> dict[str, FloatArray]:
     """Return the columns of csv and parquet by name; those of σ only where it is known."""
     latitude, longitude, height = trajectory.position.T
     columns = (
@@ -249,8 +249,8 @@ def table_of(trajectory: Trajectory) -> dict[str, FloatArray]:
 
 def csv(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]:
     """Yield a csv file with what made it in comments, a header, and a row for each sample."""
-    columns = table_of(trajectory)
-    yield block_of(facts, "# ", short=True).encode()
+    columns = trajectory_columns(trajectory)
+    yield facts_block(facts, "# ", short=True).encode()
     yield (",".join(columns) + "\n").encode()
     forms = dict(zip(_NAMES, _ROW.split(","), strict=True))
     for block in _lines(",".join(forms[name] for name in columns), np.column_stack(list(columns.values()))):
@@ -271,7 +271,9 @@ def parquet(trajectory: Trajectory, facts: Mapping[str, Any]) -> Iterator[bytes]
     except ImportError:
         raise MissionError(MISSING) from None
     out = BufferOutputStream()
-    write_table(table(table_of(trajectory)).replace_schema_metadata({"ins-lab": block_of(facts)}), out)
+    write_table(
+        table(trajectory_columns(trajectory)).replace_schema_metadata({"ins-lab": facts_block(facts)}), out
+    )
     yield out.getvalue().to_pybytes()
 
 

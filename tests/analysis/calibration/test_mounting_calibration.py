@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 import lab
-from lab.analysis.calibration.mounting import _Drive, _scored, _spread
+from lab.analysis.calibration.mounting import _Drive, _find_likely_angles, _score_covariance
 from lab.base.files.mission_error import MissionError
 from lab.data.log.calibration import Calibration
 from lab.experiment.calibration import written
@@ -73,7 +73,7 @@ def test_sigma_of_the_angles_holds_over_drives(tmp_path: Path, sway: float) -> N
         folder = tmp_path / str(seed)
         folder.mkdir()
         log = drive(folder, seed + 1, *angles, sway=sway)
-        found, _ = _scored(_Drive(find_mission(log.mission).log, log), None)
+        found, _ = _find_likely_angles(_Drive(find_mission(log.mission).log, log), None)
         off.append((found.values[:2] - np.radians(angles)) / found.sigma[:2])
     rms = np.sqrt(np.mean(np.square(off), axis=0))
     print(f"slip of {sway:g} m/s: estimate/σ has rms {rms[0]:.2f} (pitch), {rms[1]:.2f} (yaw)")
@@ -83,7 +83,7 @@ def test_sigma_of_the_angles_holds_over_drives(tmp_path: Path, sway: float) -> N
 
 @pytest.mark.parametrize("scores", [np.zeros((300, 3)), np.eye(3)[np.arange(300) % 2]], ids=["none", "two"])
 def test_sigma_of_a_drive_that_shows_nothing_is_that_of_the_rest(scores: np.ndarray) -> None:
-    found = _spread(np.arange(300.0), scores, np.eye(3))
+    found = _score_covariance(np.arange(300.0), scores, np.eye(3))
     assert np.isfinite(found).all()
     assert (np.linalg.eigvalsh(found) > 0).all()
     assert found[2, 2] < 1e-6
@@ -95,7 +95,7 @@ def test_scores_that_are_alike_say_less(rho: float) -> None:
     rng, found = np.random.default_rng(5), []
     for _ in range(100):
         alike = lfilter([1.0], [1.0, -rho], rng.normal(size=(600, 2)), axis=0)
-        found.append(np.trace(_spread(np.arange(600.0), alike, 600 * np.eye(2))) / 2)
+        found.append(np.trace(_score_covariance(np.arange(600.0), alike, 600 * np.eye(2))) / 2)
     assert np.mean(found) == pytest.approx(600 / (1 - rho) ** 2, rel=0.25)
 
 

@@ -12,9 +12,9 @@ from lab.analysis.identification import contradiction
 from lab.analysis.identification.contradiction import shown_noise
 from lab.cli.run import verdict_text
 from lab.data.log.auxiliary_data import AuxiliaryData, Headings
-from lab.data.log.sensor_log import GnssLog, SensorLog, repaired
+from lab.data.log.sensor_log import GnssLog, SensorLog, repair_log
 from lab.experiment.result import Result
-from lab.live.live_verdict import batch_of
+from lab.live.live_verdict import run_batch
 from lab.missions import mission
 from lab.motion.truth.trajectory import Trajectory
 from lab.navigation.settings import NavigatorSettings
@@ -46,12 +46,12 @@ def log_of(
     if headings is not None:
         measured = np.radians(reference[:, -1] + headings)
         beside = AuxiliaryData(headings=Headings(reference[:, 0], measured, np.full(measured.size, 0.03)))
-    return repaired("flight", imu[:, 0], imu[:, 1:], fixes, auxiliary=beside)
+    return repair_log("flight", imu[:, 0], imu[:, 1:], fixes, auxiliary=beside)
 
 
 def run(log: SensorLog) -> Result:
     """Return the run of a log with the settings of a start."""
-    return batch_of(log, SensorSuite(), NavigatorSettings())
+    return run_batch(log, SensorSuite(), NavigatorSettings())
 
 
 FAULTS = {

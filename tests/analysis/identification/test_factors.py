@@ -7,9 +7,9 @@ import pytest
 from sensor_logs import described
 
 from lab import Experiment
-from lab.analysis.identification.assumptions import FIX, NOISE, assumed, rows_of, scaled_rows
-from lab.analysis.identification.factors import FEWEST, choose, scaled
-from lab.analysis.identification.identification import better
+from lab.analysis.identification.assumptions import FIX, NOISE, assumed, scaled_rows, tabulate_parameters
+from lab.analysis.identification.factors import FEWEST, choose, scale_noise
+from lab.analysis.identification.identification import predicts_better
 from lab.analysis.identification.likelihood import InnovationSeries
 from lab.analysis.identification.renavigation import subject
 from lab.analysis.identification.withheld import EVERY, OUTAGE, TURNS, held_out, outages
@@ -56,8 +56,8 @@ def test_a_factor_that_was_wrong_is_chosen(wrong):
     found = choose(again, result.experiment, turns, dropped)
     assert found is not None
     assert found.r <= 0.1
-    assert better(found.before, found.after)
-    right = scaled(result.experiment, 1 / 30, 1.0)
+    assert predicts_better(found.before, found.after)
+    right = scale_noise(result.experiment, 1 / 30, 1.0)
     assert found.after.position_error < 1.25 * held_out(again, right, turns, dropped).position_error
     assert found.before == held_out(again, result.experiment, turns, dropped)
 
@@ -66,7 +66,7 @@ def test_a_choice_is_judged_by_fixes_it_was_not_made_by(wrong):
     result, again, turns, dropped = wrong
     found = choose(again, result.experiment, turns, dropped)
     assert found is not None
-    best = scaled(result.experiment, found.r, found.q)
+    best = scale_noise(result.experiment, found.r, found.q)
     # The best of all turns, judged by the same turns, looks better than what is told.
     assert found.after.position_error >= held_out(again, best, turns, dropped).position_error
 
@@ -126,7 +126,7 @@ def test_factors_that_leave_the_bounds_of_a_setting_are_not_tried():
     assert found is not None
     assert found.r < 1
     with pytest.raises(SettingError, match="r_scale"):
-        scaled(result.experiment, 10.0, 1.0)
+        scale_noise(result.experiment, 10.0, 1.0)
 
 
 def test_the_table_says_what_the_filter_assumes_then(wrong):
@@ -134,7 +134,7 @@ def test_the_table_says_what_the_filter_assumes_then(wrong):
     now = assumed(result)
     found = now._replace(noise=100.0 * now.noise, factors=0.1 * now.factors)
     rows = {row.parameter: row for row in scaled_rows(result, now, found)}
-    changed = scaled(result.experiment, 0.1, 100.0)
+    changed = scale_noise(result.experiment, 0.1, 100.0)
     then = belief(changed.sensors, changed.navigator)
     assert rows["vertical position variance"].after == pytest.approx(then.R[2, 2])
     assert rows["gyro noise density"].after == pytest.approx(np.degrees(np.sqrt(then.noise[0])))
@@ -145,7 +145,7 @@ def test_the_table_says_what_the_filter_assumes_then(wrong):
 def test_intervals_of_logarithms_of_sigma_are_shown_as_densities_and_as_variances(wrong):
     result, *_ = wrong
     now, interval = assumed(result), (-0.7, 0.4)
-    rows = rows_of(result, now, now, now, {}, {NOISE.start: interval, FIX.start: interval})
+    rows = tabulate_parameters(result, now, now, now, {}, {NOISE.start: interval, FIX.start: interval})
     for row, power in ((rows[NOISE.start], 1), (rows[FIX.start], 2)):
         assert (row.low, row.high) == pytest.approx(
             row.before * np.exp(power * np.array(interval)), rel=1e-12

@@ -11,10 +11,10 @@ from sensor_logs import tables, write
 
 from lab import Experiment, ResultError
 from lab.analysis.identification.assumptions import PARAMETERS, Assumed, Known, parameters
-from lab.analysis.identification.identification import HeldOut, better
+from lab.analysis.identification.identification import HeldOut, predicts_better
 from lab.analysis.identification.likelihood import Estimate, InnovationSeries, maximise
 from lab.analysis.identification.noise_intervals import logarithm_intervals
-from lab.analysis.identification.observable import find_observable, refuted
+from lab.analysis.identification.observable import find_observable, find_refuted
 from lab.analysis.identification.renavigation import subject
 from lab.base.parameters.setting_error import SettingError
 from lab.missions import read_sensor_log
@@ -198,7 +198,7 @@ def test_latency_and_lever_arm_that_hide_each_other_are_not_both_set_back():
         value, np.ones(11), covariance, 0.0, InnovationSeries(np.zeros(0), np.zeros(0)), True, 1
     )
     known = {at: Known(value[at], 1.0, value[at] - 1.96, value[at] + 1.96, False) for at in range(11)}
-    left = refuted(estimate, known, np.zeros(11))
+    left = find_refuted(estimate, known, np.zeros(11))
     assert left[7:9].sum() == 1
     assert not left[:7].any()
     assert not left[9:].any()
@@ -211,7 +211,7 @@ def test_chance_changes_a_parameter_in_one_run_of_twenty():
             value, np.ones(11), np.eye(11), 0.0, InnovationSeries(np.zeros(0), np.zeros(0)), True, 1
         )
         known = {at: Known(value[at], 1.0, value[at] - 1.96, value[at] + 1.96, False) for at in range(11)}
-        changed += refuted(estimate, known, np.zeros(11)).any()
+        changed += find_refuted(estimate, known, np.zeros(11)).any()
     assert changed < 0.05 * 400 + 4 * np.sqrt(0.05 * 400)
 
 
@@ -276,9 +276,9 @@ def test_an_error_grows_if_the_outages_agree(after, grown):
     held = HeldOut(50, float(np.sqrt(np.mean(after))), 1.0, 1.0, -1.0, after)
     differences = np.subtract(after, before.by_outage)
     assert (stats.ttest_1samp(differences, 0.0, alternative="greater").pvalue < 0.05) == grown
-    assert better(before, held, white=True) is not grown
-    assert not better(before, held._replace(log_likelihood=-3.0), white=True)
-    assert better(before, held) == (held.position_error <= 1.05 * before.position_error)
+    assert predicts_better(before, held, white=True) is not grown
+    assert not predicts_better(before, held._replace(log_likelihood=-3.0), white=True)
+    assert predicts_better(before, held) == (held.position_error <= 1.05 * before.position_error)
 
 
 def _triads(one: Experiment):

@@ -12,7 +12,7 @@ import pytest
 from flights import circle
 
 from lab.base.files.atomic_file import atomic_file
-from lab.base.files.temporary_files import NOTE, OLD, TEMPORARY, note_of, temporary_folder, unfinished
+from lab.base.files.temporary_files import NOTE, OLD, TEMPORARY, mark_unfinished, note_path, temporary_folder
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 from lab.missions.library import add_mission, sweep_user_folder
 
@@ -54,14 +54,14 @@ def test_what_is_old_and_the_labs_own_is_swept(own):
 
 def test_what_somebody_still_writes_stays_however_old_it_is(own):
     recording, toml = own / "slow.csv.gz", own / "slow.toml"
-    with unfinished(recording), temporary_folder(own) as half, atomic_file(toml) as file:
+    with mark_unfinished(recording), temporary_folder(own) as half, atomic_file(toml) as file:
         file.write(b"title = ")
         recording.touch()
         (half / "imu.csv").touch()
         for path in own.iterdir():
             aged(path)
         assert sweep_user_folder() == []
-        assert {note_of(recording), recording, half} < set(own.iterdir())
+        assert {note_path(recording), recording, half} < set(own.iterdir())
         file.write(b"'Slow'")
     assert {path.name for path in own.iterdir()} == {"slow.csv.gz", "slow.toml"}
 

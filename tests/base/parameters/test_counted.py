@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lab.base.parameters.counted import counted, were
+from lab.base.parameters.counted import count_noun, was_or_were
 from lab.data.protocols.recognition import Candidate
 
 
@@ -19,11 +19,11 @@ from lab.data.protocols.recognition import Candidate
     ],
 )
 def test_one_is_singular(count, what, text):
-    assert counted(count, what) == text
+    assert count_noun(count, what) == text
 
 
 def test_the_verb_follows():
-    assert (were(0), were(1), were(2)) == ("were", "was", "were")
+    assert (was_or_were(0), was_or_were(1), was_or_were(2)) == ("were", "was", "were")
 
 
 def test_the_evidence_for_a_protocol():

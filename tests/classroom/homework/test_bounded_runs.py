@@ -14,7 +14,7 @@ import pytest
 
 from lab.classroom.homework import bounded_runs
 from lab.classroom.homework.bounded_runs import FIGURES, BoundedRuns, Examined, StartError, examine
-from lab.classroom.homework.grading import GRADED, NOT_RUN, files_of, grade
+from lab.classroom.homework.grading import GRADED, NOT_RUN, grade, list_files
 from lab.classroom.homework.hand_in import HandIn, write_hand_in
 from lab.classroom.homework.hidden_experiment import HiddenExperiment
 from lab.classroom.homework.homework import Judge
@@ -62,7 +62,7 @@ def test_a_hostile_run_costs_its_own_row_only(tmp_path: Path) -> None:
         handed = HandIn(f"Ada {number}", {"navigator.r_scale": value})
         write_hand_in(folder / f"{number}.handin", keyed.homework, handed)
     with BoundedRuns(keyed, seconds=5, memory=1, examining=hostile) as examining:
-        rows = grade(files_of(folder), keyed, examining=examining)
+        rows = grade(list_files(folder), keyed, examining=examining)
     assert [row["status"] for row in rows] == [GRADED, NOT_RUN, GRADED, NOT_RUN, NOT_RUN, GRADED]
     assert [row["points"] for row in rows] == ["1", "0", "1", "0", "0", "1"]
     assert [row["remark"] for row in rows if row["status"] == NOT_RUN] == [

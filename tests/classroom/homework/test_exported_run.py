@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from lab import Result, ResultError, export_track, open_result
-from lab.classroom.homework.grading import files_of, grade
+from lab.classroom.homework.grading import grade, list_files
 from lab.classroom.homework.homework_file import Keyed, homework_text, make_homework, read_homework, write_key
 from tests.cli.asking import ask
 
@@ -95,7 +95,7 @@ def test_a_changed_export_is_found_out(exports: Path, keyed: Keyed, tmp_path: Pa
         text[:at] + ("A" if text[at] != "A" else "B") + text[at + 1 :], "utf-8"
     )
     (tmp_path / "none.tum").write_text("0 0 0\n", "utf-8")
-    rows = {row["file"]: row for row in grade(files_of(tmp_path), keyed)}
+    rows = {row["file"]: row for row in grade(list_files(tmp_path), keyed)}
     assert rows["other.tum"]["status"] == "different"
     assert "with the same versions" in rows["other.tum"]["remark"]
     for name, words in {

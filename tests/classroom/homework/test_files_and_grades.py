@@ -15,7 +15,7 @@ import pytest
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.toml_file import toml_text
 from lab.classroom.homework import grading
-from lab.classroom.homework.grading import GRADED, REFUSED, Row, columns, csv_text, files_of, text_cell
+from lab.classroom.homework.grading import GRADED, REFUSED, Row, columns, csv_text, list_files, text_cell
 from lab.classroom.homework.hand_in import (
     LARGEST,
     HandIn,
@@ -89,7 +89,7 @@ def sealed(keyed: Keyed, **tables: object) -> bytes:
 
 
 def graded(keyed: Keyed, folder: Path) -> dict[str, Row]:
-    return {row["file"]: row for row in grading.grade(files_of(folder), keyed)}
+    return {row["file"]: row for row in grading.grade(list_files(folder), keyed)}
 
 
 def test_the_student_gets_all_but_what_is_hidden(keyed: Keyed, tmp_path: Path) -> None:
@@ -350,7 +350,7 @@ def test_the_same_folder_gives_the_same_bytes_in_any_order(
             return found
 
         monkeypatch.setattr(grading, "_walk", shuffled)
-        rows = grading.grade(files_of(tmp_path), keyed)
+        rows = grading.grade(list_files(tmp_path), keyed)
         tables.append(csv_text(columns(keyed.judge), rows))
     assert len(set(tables)) == 1
     assert [row["file"] for row in rows] == ["C.handin", "a.handin", "b.handin", "copy.handin"]

@@ -11,17 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.classroom.homework.feedback import check_new, feedback_text, write_feedback
-from lab.classroom.homework.gradebooks import canvas_text, moodle_text, points_of
+from lab.classroom.homework.gradebooks import canvas_text, collect_points, moodle_text
 from lab.classroom.homework.grading import (
     GRADED,
     REFUSED,
     GradingError,
     Row,
     columns,
-    files_of,
     grade,
+    list_files,
     text_cell,
-    unguarded,
+    unguard_cell,
 )
 from lab.classroom.homework.hand_in import hand_in, write_hand_in
 from lab.classroom.homework.homework_file import Keyed, make_homework
@@ -113,7 +113,7 @@ def test_any_text_is_a_roster_or_refused(text: str) -> None:
 
 def test_canvas_gets_its_own_columns_points_possible_and_the_number_of_the_assignment() -> None:
     roster = roster_of(OF_CANVAS)
-    points = points_of([row("ada  LOVELACE")], roster)
+    points = collect_points([row("ada  LOVELACE")], roster)
     text = canvas_text(roster, points, "Find it", 8.0)
     assert text.splitlines()[0] == "Student,ID,SIS User ID,SIS Login ID,Section,Find it (77)"
     possible, ada, bob = table(text)
@@ -125,13 +125,13 @@ def test_canvas_gets_its_own_columns_points_possible_and_the_number_of_the_assig
 
 def test_moodle_gets_its_worksheet_filled_in_or_a_table_to_map() -> None:
     sheet = roster_of(WORKSHEET)
-    text = moodle_text(sheet, points_of([row("Ada Lovelace")], sheet), "Find it")
+    text = moodle_text(sheet, collect_points([row("Ada Lovelace")], sheet), "Find it")
     ada, bob = table(text)
     assert text.splitlines()[0] == WORKSHEET.splitlines()[0]
     assert (ada["Grade"], bob["Grade"]) == ("7.5", "-")
     assert (ada["Identifier"], ada["Last modified (grade)"]) == ("Participant 501", "-")
     people = roster_of(OF_MOODLE)
-    ada, bob = table(moodle_text(people, points_of([row("Ada Lovelace")], people), "Find it"))
+    ada, bob = table(moodle_text(people, collect_points([row("Ada Lovelace")], people), "Find it"))
     assert ada == {
         "First name": "Ada", "Last name": "Lovelace", "ID number": "11", "Email address": "ada@x.org",
         "Find it": "7.5",
@@ -143,10 +143,10 @@ def test_a_roster_of_another_platform_is_refused() -> None:
     canvas, moodle, names = map(roster_of, (OF_CANVAS, OF_MOODLE, "Name\nAda\n"))
     for roster in (canvas, names):
         with pytest.raises(RosterError, match="Email"):
-            moodle_text(roster, points_of([], roster), "x")
+            moodle_text(roster, collect_points([], roster), "x")
     for roster in (moodle, names):
         with pytest.raises(RosterError, match="Section"):
-            canvas_text(roster, points_of([], roster), "x", 1.0)
+            canvas_text(roster, collect_points([], roster), "x", 1.0)
 
 
 def test_points_without_a_single_owner_are_left_out_with_the_reason() -> None:
@@ -155,7 +155,7 @@ def test_points_without_a_single_owner_are_left_out_with_the_reason() -> None:
         row("Ada", file="1"), row("ada", file="2"), row("Bob"), row("Eve"), row("Zoe"),
         row("Bob", status=REFUSED),
     ]  # fmt: skip
-    points = points_of(rows, roster)
+    points = collect_points(rows, roster)
     assert points.by_name == {"bob": "7.5"}
     assert [remark.partition(":")[0] for remark in points.remarks] == ["Ada", "Eve", "Zoe"]
     assert "1, 2" in points.remarks[0]
@@ -171,7 +171,7 @@ def test_no_name_becomes_a_formula(sign: str) -> None:
         WORKSHEET.replace("Ada Lovelace", evil),
     ):
         roster = roster_of(text)
-        points = points_of([], roster)
+        points = collect_points([], roster)
         title = f"{sign}1+1"
         written = (
             canvas_text(roster, points, title, 8.0)
@@ -188,7 +188,7 @@ def test_no_name_becomes_a_formula(sign: str) -> None:
 def test_a_guard_is_taken_off_again(text: str) -> None:
     plain = "".join(sign if sign.isprintable() else "�" for sign in text)
     cell = text_cell(text)
-    assert unguarded(cell) == plain or plain.startswith("'")
+    assert unguard_cell(cell) == plain or plain.startswith("'")
 
 
 SOURCE = """title = "Find it"
@@ -233,7 +233,7 @@ def test_feedback_has_the_path_of_the_hand_in_and_tells_no_solution(keyed: Keyed
         hand_in(keyed.homework, "Ada", begun, faults, ("-0.0437", "white")),
     )
     (handed / "broken.handin").write_text("nothing", encoding="utf-8")
-    files = files_of(handed)
+    files = list_files(handed)
     rows = grade(files, keyed)
     check_new(out)
     assert write_feedback(out, handed, files, rows, keyed) == 2

@@ -14,7 +14,7 @@ from scipy import stats
 
 from lab.classroom.homework.bounded_runs import BoundedRuns, Examined
 from lab.classroom.homework.exported_run import repeat
-from lab.classroom.homework.grading import GRADED, REFUSED, Row, files_of, grade
+from lab.classroom.homework.grading import GRADED, REFUSED, Row, grade, list_files
 from lab.classroom.homework.hand_in import HandIn, HandInError, hand_in, hand_in_text, write_hand_in
 from lab.classroom.homework.hand_out import handed_out, links_text
 from lab.classroom.homework.homework import Judge
@@ -28,7 +28,7 @@ from lab.classroom.homework.homework_file import (
 )
 from lab.classroom.homework.shelf import OWN_LINK, Shelf
 from lab.classroom.homework.solutions_sheet import solutions_html
-from lab.classroom.homework.variant import tag_of
+from lab.classroom.homework.variant import variant_tag
 from lab.classroom.lessons.fields import LessonError
 
 SOURCE = """title = "Find <it>"
@@ -76,7 +76,7 @@ def latency(judge: Judge) -> float:
 def test_a_variant_is_the_hmac_of_the_name_with_a_key_derived_from_the_secret(keyed: Keyed) -> None:
     key = HKDF(SHA256(), 32, b"", b"ins-lab: variants of a homework").derive(keyed.key.secret)
     found = hmac.new(key, b"tag\0ada lovelace", hashlib.sha256).hexdigest()
-    assert tag_of(keyed.key, "Ada Lovelace") == found[:16]
+    assert variant_tag(keyed.key, "Ada Lovelace") == found[:16]
     part = int.from_bytes(hmac.digest(key, b"sensors.gps.latency\0ada lovelace", "sha256")[:6], "big") / 2**48
     assert latency(keyed.judge_for("Ada Lovelace")) == pytest.approx(0.06 + 0.02 * int(8 * part))
 
@@ -135,7 +135,7 @@ def test_a_changed_name_in_a_students_file_is_refused(keyed: Keyed, tmp_path: Pa
 
 
 def graded(keyed: Keyed, folder: Path) -> dict[str, Row]:
-    rows = grade(files_of(folder), keyed, examining=lambda judge, _changes: Examined.failed(judge, ""))
+    rows = grade(list_files(folder), keyed, examining=lambda judge, _changes: Examined.failed(judge, ""))
     return {row["file"]: row for row in rows}
 
 

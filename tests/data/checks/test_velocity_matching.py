@@ -10,14 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from lab.data.checks import velocity_matching
 from lab.data.checks.velocity_matching import Window, match, window_of
-from lab.motion.kinematics.running_turns import turned
+from lab.motion.kinematics.running_turns import running_attitudes
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 57])
 def test_attitudes_are_the_products_of_all_increments_until_each(count: int) -> None:
     increments = np.random.default_rng(count).normal(0.0, 1.0, (count, 3))
     increments[: count // 3] = 0.0
-    made = turned(increments)
+    made = running_attitudes(increments)
     expected = Rotation.identity()
     for attitude, increment in zip(made[:-1], increments, strict=True):
         assert (attitude.inv() * expected).magnitude() < 1e-13

@@ -8,7 +8,7 @@ from copter_logs import copter
 from scipy.spatial.transform import Rotation
 
 from lab.data.checks import window_matches
-from lab.data.checks.velocity_matching import Window, liveliest, match
+from lab.data.checks.velocity_matching import Window, choose_liveliest, match
 from lab.data.checks.window_matches import WindowMatches
 
 QUARTER = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -24,7 +24,7 @@ def windows() -> list[Window]:
     dt = np.diff(flown.imu[:, 0])[:, None]
     velocity_n = flown.gnss[:, 4:7]
     bias = np.array([0.01, -0.02, 0.005])
-    found = liveliest(
+    found = choose_liveliest(
         (
             flown.imu[:, 0] - flown.imu[0, 0],
             (flown.imu[1:, 1:4] + bias) * dt,

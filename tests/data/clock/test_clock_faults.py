@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.data.clock.faults import continued, equal_runs, increasing, over_rollovers, set_backs
+from lab.data.clock.faults import continue_times, equal_runs, increasing, over_rollovers, set_backs
 
 STAMPS = st.lists(st.one_of(st.integers(0, 6).map(float), st.just(np.nan)), max_size=20)
 
@@ -35,7 +35,7 @@ def test_runs_of_equal_samples_are_those_of_the_definition(rows: list[tuple[int,
 @given(st.lists(st.floats(0.0, 499.0), min_size=1, max_size=20), st.floats(0, 1e4))
 def test_a_counter_that_begins_again_goes_on(steps: list[float], first: float) -> None:
     time = first + np.cumsum(steps)
-    found = continued(np.insert(time % 1000.0, 0, np.nan), 1000.0, 500.0)
+    found = continue_times(np.insert(time % 1000.0, 0, np.nan), 1000.0, 500.0)
     assert np.isnan(found[0])
     np.testing.assert_allclose(np.diff(found[1:]), np.diff(time), rtol=0, atol=1e-6)
 

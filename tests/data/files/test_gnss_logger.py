@@ -10,7 +10,7 @@ from foreign_tables import UNIX, phone
 from phone_drive import LATITUDE, LONGITUDE, drive, trajectory
 from scipy.spatial.transform import Rotation
 
-from lab.data.sheets.gnss_logger import tables_of
+from lab.data.sheets.gnss_logger import split_tables
 from lab.data.sheets.sensor_csv import recognises
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
@@ -103,7 +103,7 @@ def test_many_short_rows_take_no_more_memory_than_long_ones():
     data = "\n".join((f"# {NEW}", *["Fix,a"] * 100_000)).encode()
     tracemalloc.start()
     try:
-        tables_of(data)
+        split_tables(data)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -13,7 +13,7 @@ from lab.data.files.fields import SEA_LEVEL
 from lab.data.formats import read_raw
 from lab.data.sheets.sheet import read_sheet
 from lab.data.sheets.sheet_cells import angles_of_cells
-from lab.data.sheets.sheet_clock import clock_of
+from lab.data.sheets.sheet_clock import find_clock
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
 
@@ -63,7 +63,7 @@ def test_a_long_log_passes_midnight(tmp_path):
     """A table is read in parts of 20,000 rows, and midnight may lie in any."""
     rows = [[moment(MIDNIGHT - 300 + t / 50, "%H:%M:%S.%f"), 0.0, 0.0, 9.8] for t in range(45_000)]
     path = table(tmp_path / "Accelerometer.csv", "time,x,y,z", rows)
-    clock = clock_of(read_sheet(path.name, path.read_bytes()), fast=True)
+    clock = find_clock(read_sheet(path.name, path.read_bytes()), fast=True)
     np.testing.assert_allclose(np.diff(clock.time), 0.02, atol=1e-5)
 
 

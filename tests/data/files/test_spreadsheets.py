@@ -11,8 +11,8 @@ from foreign_tables import same, table
 from lab.data.clock.stamps import seconds_of_texts
 from lab.data.formats import read_raw
 from lab.data.sheets.sheet import read_sheet
-from lab.data.sheets.sheet_clock import clock_of
-from lab.data.sheets.sheet_fixes import fixes_of
+from lab.data.sheets.sheet_clock import find_clock
+from lab.data.sheets.sheet_fixes import find_fixes
 from lab.data.sheets.sheet_layout import as_utf8
 from lab.missions import MissionError
 from lab.missions.flight_import import read_log
@@ -50,7 +50,7 @@ def test_a_leap_second_lasts_a_second(name, rate):
     heading, write = UTC_FORMS[name]
     since = np.arange(0, 20, 1 / rate) + 0.25 / rate
     rows = "".join(f"{write(t)},{t}\n" for t in since)
-    clock = clock_of(read_sheet("a.csv", f"{heading},gyro_x\n{rows}".encode()), fast=rate > 10)
+    clock = find_clock(read_sheet("a.csv", f"{heading},gyro_x\n{rows}".encode()), fast=rate > 10)
     np.testing.assert_allclose(np.diff(clock.time), 1 / rate, atol=2e-3)
     assert "leap second" in clock.unit
 
@@ -58,7 +58,7 @@ def test_a_leap_second_lasts_a_second(name, rate):
 def test_a_second_is_not_added_at_another_midnight():
     since = np.arange(-5, 5, 0.1)
     rows = "".join(f"{1_700_006_400 + t - (t >= 0):.3f},{t}\n" for t in since)
-    clock = clock_of(read_sheet("a.csv", f"time,gyro_x\n{rows}".encode()), fast=False)
+    clock = find_clock(read_sheet("a.csv", f"time,gyro_x\n{rows}".encode()), fast=False)
     assert np.diff(clock.time).min() == pytest.approx(-0.9, abs=1e-3)
 
 
@@ -80,7 +80,7 @@ def test_stamps_of_spreadsheets(name):
     """The hour, or the half of the day, ends during the log."""
     since = np.arange(0, 20, 0.02)
     rows = "".join(f"{STAMPS[name](1_700_085_590 + t)},{t}\n" for t in since)
-    clock = clock_of(read_sheet("a.csv", f"time,gyro_x\n{rows}".encode()), fast=True)
+    clock = find_clock(read_sheet("a.csv", f"time,gyro_x\n{rows}".encode()), fast=True)
     np.testing.assert_allclose(clock.time - clock.time[0], since, atol=1e-4)
 
 
@@ -218,7 +218,7 @@ def test_another_receiver_in_the_table_is_named(made):
     rows = made[1][:, :6]
     header = "time,gps1_lat,gps1_lon,gps1_alt,gps2_lat,gps2_lon,gps2_alt"
     text = "\n".join(",".join(map(str, (*row[:4], *row[1:4]))) for row in rows)
-    found = fixes_of([read_sheet("b.csv", f"{header}\n{text}\n".encode())])
+    found = find_fixes([read_sheet("b.csv", f"{header}\n{text}\n".encode())])
     assert any("not used: gps2_lat" in remark for remark in found.remarks)
 
 

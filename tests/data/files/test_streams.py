@@ -10,7 +10,14 @@ import pytest
 from raw_flights import weave
 from scipy.spatial.transform import Rotation
 
-from lab.data.files.streams import Stream, attitude_of, flight_of, gnss_of, lever_arm_of, most_frequent
+from lab.data.files.streams import (
+    Stream,
+    make_attitude_stream,
+    make_flight,
+    make_gnss_log,
+    most_frequent,
+    read_lever_arm,
+)
 from lab.data.rebuild.derived_motion import body_rates
 from lab.missions.flight_import import prepare_flight
 from lab.motion.frames.rotation import quaternion_from_euler
@@ -34,7 +41,7 @@ def streams(
 
 
 def flight(velocity: Stream, position: Stream, attitude: Stream):
-    return flight_of(
+    return make_flight(
         Path("log"), "test", velocity, position, attitude, units=(), remarks=(), vehicle="rotary wing"
     )
 
@@ -115,13 +122,13 @@ def test_what_cannot_be_an_attitude_or_a_fix_is_left_out():
     time = np.array((0.0, 1.0, 1.0, 0.5, 2.0, np.nan, 3.0, 4.0))
     q = np.tile((1.0, 0.0, 0.0, 0.0), (time.size, 1))
     q[4] *= 2
-    assert attitude_of(Stream.of("attitude", time, q)).time.tolist() == [0.0, 1.0, 3.0, 4.0]
+    assert make_attitude_stream(Stream.of("attitude", time, q)).time.tolist() == [0.0, 1.0, 3.0, 4.0]
     place = np.tile((0.5, 0.1, 100.0), (time.size, 1))
     place[6, 1], place[7, :2] = 7.0, 0.0  # beyond a turn, and of a receiver without a fix
     sigmas = np.full(time.size, 2.0), np.zeros(time.size), None
     given = time, place, None, sigmas, np.arange(time.size) > 0, np.zeros(3), 0.1
-    assert gnss_of(*given).time.tolist() == [1.0, 1.0, 0.5, 2.0]
-    once = gnss_of(*given, once=True)
+    assert make_gnss_log(*given).time.tolist() == [1.0, 1.0, 0.5, 2.0]
+    once = make_gnss_log(*given, once=True)
     assert once.time.tolist() == [1.0, 2.0]
     np.testing.assert_array_equal(once.position_sigma, [(2.0, 2.0, np.nan)] * 2)
     assert np.isnan(once.velocity_n).all() and np.isnan(once.velocity_sigma).all()
@@ -130,8 +137,8 @@ def test_what_cannot_be_an_attitude_or_a_fix_is_left_out():
 def test_a_lever_arm_is_that_of_the_first_antenna_that_has_one():
     parameters = {"GPS2_POS_X": 1.0, "GPS2_POS_Z": -2.0, "INS_POS1_X": 0.25, "GPS3_POS_Y": 9.0}
     pairs = [(f"GPS{number}_POS_", "INS_POS1_") for number in (1, 2, 3)]
-    assert lever_arm_of(parameters, pairs).tolist() == [0.75, 0.0, -2.0]
-    assert not lever_arm_of(parameters, pairs[:1]).any()
+    assert read_lever_arm(parameters, pairs).tolist() == [0.75, 0.0, -2.0]
+    assert not read_lever_arm(parameters, pairs[:1]).any()
 
 
 def test_of_streams_the_one_that_comes_most_often_is_taken():

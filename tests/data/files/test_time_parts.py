@@ -9,8 +9,8 @@ import pytest
 from foreign_tables import table
 
 from lab.data.sheets.sheet import read_sheet
-from lab.data.sheets.sheet_clock import clock_of
-from lab.data.sheets.sheet_fixes import fixes_of
+from lab.data.sheets.sheet_clock import find_clock
+from lab.data.sheets.sheet_fixes import find_fixes
 from lab.missions.flight_import import prepare_import
 
 START = datetime(2024, 12, 31, 23, 59, 57, 250_000, tzinfo=UTC)
@@ -64,7 +64,7 @@ def written(path, names, parts, extra=(), start=START):
 )
 def test_the_parts_of_a_time_are_one_stamp(tmp_path, names, parts):
     path = written(tmp_path / "log.csv", names, parts)
-    clock = clock_of(read_sheet(path.name, path.read_bytes()), fast=False)
+    clock = find_clock(read_sheet(path.name, path.read_bytes()), fast=False)
     dated = any(name.lower() == "year" for name in names)
     first = START.timestamp() if dated else START.timestamp() % 86400
     np.testing.assert_allclose(clock.time, first + np.arange(60 * RATE) / RATE, atol=1e-5, rtol=0)
@@ -79,7 +79,7 @@ def test_a_counter_beside_whole_seconds_is_the_finer_clock(tmp_path):
         (*CLOCK, "millis"),
         lambda t: (t.hour, t.minute, t.second, 5000 + round(1000 * (t - START).total_seconds())),
     )
-    clock = clock_of(read_sheet(path.name, path.read_bytes()), fast=False)
+    clock = find_clock(read_sheet(path.name, path.read_bytes()), fast=False)
     np.testing.assert_allclose(clock.time, 5 + np.arange(60 * RATE) / RATE, atol=1e-9)
 
 
@@ -93,7 +93,7 @@ def test_an_uncertainty_is_no_velocity_up(tmp_path, beside, is_velocity):
         (*beside, ("VEL_U", 0.4)),
     )
     sheet = read_sheet(path.name, path.read_bytes())
-    down = fixes_of([sheet]).gnss.velocity_n[:, 2]
+    down = find_fixes([sheet]).gnss.velocity_n[:, 2]
     assert bool((down == -0.4).all()) is is_velocity
     assert bool(np.isnan(down).all()) is not is_velocity
 
@@ -105,5 +105,5 @@ def test_an_hour_of_zero_is_an_hour(tmp_path):
         lambda t: (t.hour, t.minute, t.second + t.microsecond * 1e-6),
         start=START + timedelta(minutes=2),
     )
-    clock = clock_of(read_sheet(path.name, path.read_bytes()), fast=False)
+    clock = find_clock(read_sheet(path.name, path.read_bytes()), fast=False)
     np.testing.assert_allclose(clock.time, 117.25 + np.arange(60 * RATE) / RATE, atol=1e-5)

@@ -8,9 +8,9 @@ import pytest
 from lab.data.files.unit_names import unit_of
 from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sheet import read_sheet
-from lab.data.sheets.sheet_clock import clock_of
-from lab.data.sheets.sheet_fixes import fixes_of
-from lab.data.sheets.sheet_imu import imu_of
+from lab.data.sheets.sheet_clock import find_clock
+from lab.data.sheets.sheet_fixes import find_fixes
+from lab.data.sheets.sheet_imu import find_imu
 
 G = 9.80665
 DEG = np.pi / 180
@@ -91,7 +91,7 @@ def sheet(headings, columns):
 
 def samples(gyros, forces, per_rate=1.0, per_force=1.0):
     headings = ["time_s", *(gyros.replace("#", a) for a in "xyz"), *(forces.replace("#", a) for a in "xyz")]
-    return imu_of([sheet(headings, (TIME, RATES / per_rate, FORCES / per_force))]).samples
+    return find_imu([sheet(headings, (TIME, RATES / per_rate, FORCES / per_force))]).samples
 
 
 @pytest.mark.parametrize(("heading", "factor"), cases(FORCE))
@@ -110,7 +110,7 @@ def fixes(**changed):
     for old, (heading, factor) in changed.items():
         columns = {heading if one == old else one: values / factor if one == old else values
                    for one, values in columns.items()}  # fmt: skip
-    return fixes_of([sheet(list(columns), list(columns.values()))])
+    return find_fixes([sheet(list(columns), list(columns.values()))])
 
 
 @pytest.mark.parametrize(("heading", "factor"), cases(SPEEDS))
@@ -140,7 +140,7 @@ def test_courses(heading, factor):
 
 @pytest.mark.parametrize(("heading", "factor"), cases(TIMES))
 def test_times(heading, factor):
-    found = clock_of(sheet([heading, "lat", "lon"], (TIME / factor, LATITUDE, LATITUDE)), fast=False)
+    found = find_clock(sheet([heading, "lat", "lon"], (TIME / factor, LATITUDE, LATITUDE)), fast=False)
     np.testing.assert_allclose(found.time, TIME, rtol=1e-9, atol=1e-9)
     assert not found.guessed
 

@@ -12,15 +12,15 @@ from lab.data.protocols.column_guess import guess_columns
 from lab.data.protocols.column_map import ColumnMap
 from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sheet import read_sheet
-from lab.data.sheets.sheet_fixes import fixes_of
+from lab.data.sheets.sheet_fixes import find_fixes
 from lab.data.sheets.sheet_gravity import refuse_cm_per_s2
-from lab.data.sheets.sheet_imu import imu_of
+from lab.data.sheets.sheet_imu import find_imu
 from lab.missions import MissionError
 
 
 def fixes(header, rows):
     text = "\n".join((header, *(",".join(f"{x:.12g}" for x in row) for row in rows)))
-    return fixes_of([read_sheet("gps.csv", text.encode())])
+    return find_fixes([read_sheet("gps.csv", text.encode())])
 
 
 def track(made):
@@ -134,7 +134,7 @@ def imu(header, factors):
     forces = np.column_stack((np.zeros((time.size, 2)), np.full(time.size, -9.80665)))
     rows = np.column_stack((time, rates * factors[0], forces * factors[1]))
     text = "\n".join((header, *(",".join(f"{x:.12g}" for x in row) for row in rows)))
-    found = imu_of([read_sheet("imu.csv", text.encode())])
+    found = find_imu([read_sheet("imu.csv", text.encode())])
     np.testing.assert_allclose(found.samples, np.column_stack((rates, forces)), rtol=1e-9, atol=1e-9)
     return found
 
@@ -170,7 +170,7 @@ def test_cm_per_s2_are_not_read_as_milli_g(start):
 
     def found(per_metre, units=None):
         lines = (",".join(f"{x:.9g}" for x in row) for row in rows * ([1.0] * 4 + [per_metre] * 3))
-        read = imu_of([read_sheet("imu.csv", "\n".join((header, *lines)).encode(), units)])
+        read = find_imu([read_sheet("imu.csv", "\n".join((header, *lines)).encode(), units)])
         refuse_cm_per_s2(read, fixes)
         return read
 
@@ -202,7 +202,7 @@ def test_raw_counts_are_read_in_files_and_streams(made):
         + "".join(f",a{a} (g/16384)" for a in "xyz")
     )
     lines = [",".join(f"{x:.12g}" for x in row) for row in imu]
-    found = imu_of([read_sheet("imu.csv", "\n".join((header, *lines)).encode())])
+    found = find_imu([read_sheet("imu.csv", "\n".join((header, *lines)).encode())])
     np.testing.assert_allclose(found.samples, made[0][:200, 1:], rtol=1e-6)
     assert "force_x[g/16384]" in str(guess_columns([header, *lines]))
     assert ColumnMap.of("force_x[g/256],force_y[g/256],force_z[g/256]").columns[0].scale == 9.80665 / 256

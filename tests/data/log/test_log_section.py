@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sensor_logs import EPOCH, tables, write
 
-from lab.data.log.log_section import piece
+from lab.data.log.log_section import cut_section
 from lab.missions import MissionError, read_sensor_log
 from lab.missions.log_mission import LogMission
 from lab.views.mission_card import log_html, read_log_html
@@ -19,13 +19,13 @@ def flown():
 
 def test_a_whole_log_is_itself(tmp_path, flown):
     log = read_sensor_log(write(tmp_path, flown))
-    assert piece(log) is log
-    assert piece(log, log.epoch - 5, log.epoch + 500) is log
+    assert cut_section(log) is log
+    assert cut_section(log, log.epoch - 5, log.epoch + 500) is log
 
 
 def test_between_two_times_of_the_file(tmp_path, flown):
     log = read_sensor_log(write(tmp_path, flown))
-    part = piece(log, EPOCH + 75, EPOCH + 95)
+    part = cut_section(log, EPOCH + 75, EPOCH + 95)
     assert part.epoch == pytest.approx(EPOCH + 75, abs=0.011)
     assert part.duration == pytest.approx(20, abs=0.011)
     first = np.searchsorted(log.time + log.epoch, part.epoch - 1e-6)
@@ -44,7 +44,7 @@ def test_the_longest_piece_without_a_break(tmp_path, flown):
     rows = ~((times > 70) & (times < 78)) & ~((times > 100) & (times < 111))
     log = read_sensor_log(write(tmp_path, flown._replace(imu=flown.imu[rows])))
     assert len(log.breaks) == 2
-    part = piece(log)
+    part = cut_section(log)
     assert part.epoch == pytest.approx(EPOCH + 78, abs=0.02)
     assert part.duration == pytest.approx(22, abs=0.03)
     assert not len(part.breaks)
@@ -52,7 +52,7 @@ def test_the_longest_piece_without_a_break(tmp_path, flown):
     remark = part.repairs[-1]
     assert "2 gaps of more than 2 s, up to 11" in remark
     assert "Other pieces, for --from and --to: 1060 to 1070 s, 1111 to 1120 s" in remark
-    other = piece(log, EPOCH + 60, EPOCH + 72)
+    other = cut_section(log, EPOCH + 60, EPOCH + 72)
     assert other.epoch == pytest.approx(EPOCH + 60, abs=0.02)
     assert other.duration == pytest.approx(10, abs=0.03)
 
@@ -81,4 +81,4 @@ def test_gaps_are_told_wherever_a_log_is_shown(tmp_path, flown):
 def test_what_cannot_be_had_is_refused(tmp_path, flown, start, end, pattern):
     log = read_sensor_log(write(tmp_path, flown))
     with pytest.raises(MissionError, match=pattern):
-        piece(log, start, end)
+        cut_section(log, start, end)

@@ -9,7 +9,7 @@ import pytest
 from live_streams import capture, damaged, decoded, fixes, motion
 from writers.vectornav_lines import lines
 
-from lab.data.protocols.catalogue import ENCODERS, decoder_of
+from lab.data.protocols.catalogue import ENCODERS, make_decoder
 from lab.data.protocols.samples import Samples
 from lab.data.protocols.sbf import SbfEncoder
 from lab.data.protocols.stream_decoder import StreamDecoder
@@ -53,7 +53,7 @@ STREAMS: dict[
 def decoder_for(protocol: str) -> StreamDecoder | TextLines:
     """Return a decoder of the protocol alone: NMEA makes a fix of several sentences with 8 bits each."""
     alone = {"vectornav": (VectorNavBinary(), VectorNavAscii()), "ublox": (Ubx("raw"),)}
-    return StreamDecoder(protocol, alone[protocol]) if protocol in alone else decoder_of(protocol)
+    return StreamDecoder(protocol, alone[protocol]) if protocol in alone else make_decoder(protocol)
 
 
 def by_end(found: Samples) -> dict[tuple[str, int], list[bytes]]:
@@ -114,8 +114,8 @@ def test_sync_bytes_that_stand_twice_are_survived(protocol, sync):
     encoder = ENCODERS[protocol]()
     frames = [encoder.encode(imu[at : at + 1], fix[:0]) for at in range(50)]
     frames += [encoder.encode(imu[:0], fix[at : at + 1]) for at in range(3)]
-    plain = decoded(decoder_of(protocol), b"".join(frames))
-    doubled = decoded(decoder_of(protocol), b"".join(sync + frame for frame in frames))
+    plain = decoded(make_decoder(protocol), b"".join(frames))
+    doubled = decoded(make_decoder(protocol), b"".join(sync + frame for frame in frames))
     assert (len(doubled.imu), len(doubled.fix)) == (len(plain.imu), len(plain.fix))
     assert len(plain.imu) + len(plain.fix) >= 3
 
@@ -134,9 +134,9 @@ LONG_HEADS = {
 @pytest.mark.parametrize("protocol", LONG_HEADS)
 def test_frames_hidden_by_a_long_one_that_never_ends_come_at_the_end(protocol):
     data = bytes.fromhex(LONG_HEADS[protocol]) + ENCODERS[protocol]().encode(motion(1), fixes(0))
-    decoder = decoder_of(protocol)
+    decoder = make_decoder(protocol)
     assert len(decoder.feed(data[:-1]).imu) == 0
-    decoder = decoder_of(protocol)
+    decoder = make_decoder(protocol)
     assert len(decoder.feed(data).imu) + len(decoder.finish().imu) == 1
 
 
@@ -145,4 +145,4 @@ def test_bytes_that_change_places_are_noticed(protocol):
     frame = ENCODERS[protocol]().encode(motion(1), fixes(0))
     for at in range(20, len(frame) - 3):
         swapped = frame[:at] + frame[at + 1 : at + 2] + frame[at : at + 1] + frame[at + 2 :]
-        assert len(decoded(decoder_of(protocol), swapped).imu) == (swapped == frame)
+        assert len(decoded(make_decoder(protocol), swapped).imu) == (swapped == frame)

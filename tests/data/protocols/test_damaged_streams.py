@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from live_streams import capture, decoded, fixes, motion
 
-from lab.data.protocols.catalogue import DECODERS, ENCODERS, decoder_of
+from lab.data.protocols.catalogue import DECODERS, ENCODERS, make_decoder
 from lab.data.protocols.decoder import Decoder, Encoder
 from lab.data.protocols.device_time import WrappingCounter
 from lab.data.protocols.limits import LimitCheck, Limits
@@ -50,28 +50,28 @@ STARTS = {
 
 @pytest.mark.parametrize("name", DECODERS)
 def test_decoders_and_encoders_are_what_they_promise_to_be(name):
-    assert isinstance(decoder_of(name), Decoder)
+    assert isinstance(make_decoder(name), Decoder)
     assert isinstance(ENCODERS[name](), Encoder)
-    assert decoder_of(name).name == ENCODERS[name]().name == name
+    assert make_decoder(name).name == ENCODERS[name]().name == name
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("name", DECODERS)
 def test_bytes_one_by_one_give_what_all_at_once_give(name):
     data = seed(name)
-    whole = decoded(decoder_of(name), data)
+    whole = decoded(make_decoder(name), data)
     assert len(whole.imu) + len(whole.fix) >= 4
     for step in (1, 7, 64):
-        assert same(decoded(decoder_of(name), data, step), whole)
+        assert same(decoded(make_decoder(name), data, step), whole)
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("name", CAPTURES)
 def test_pieces_of_a_capture_give_what_all_of_it_gives(name):
     data = capture(CAPTURES[name])[:60_000]
-    whole = decoded(decoder_of(name), data)
+    whole = decoded(make_decoder(name), data)
     for step in (1, 100, 4096):
-        assert same(decoded(decoder_of(name), data, step), whole)
+        assert same(decoded(make_decoder(name), data, step), whole)
 
 
 @pytest.mark.proof
@@ -115,7 +115,7 @@ def test_memory_is_bounded_whatever_comes(name, kind):
         "starts": lambda: seed(name, 2)[:7] * 25_000,
         "repeated": lambda: seed(name, 2) * 6000,
     }[kind]()[:200_000]
-    decoder = decoder_of(name)
+    decoder = make_decoder(name)
     tracemalloc.start()
     try:
         for at in range(0, len(data), 4096):
@@ -142,7 +142,7 @@ def test_memory_is_bounded_whatever_comes(name, kind):
     ],
 )
 def test_a_frame_that_claims_to_be_long_is_not_waited_for(name, head):
-    decoder = decoder_of(name)
+    decoder = make_decoder(name)
     decoder.feed(bytes.fromhex(head))
     for _ in range(1200):
         decoder.feed(b"1" * 64)
@@ -154,7 +154,7 @@ def test_samples_beyond_the_limits_are_refused_and_counted():
     imu = motion(10)
     imu["force"][3] = 1e30
     imu["rate"][5] = np.nan, 0.1, 0.2
-    decoder = decoder_of("xsens")
+    decoder = make_decoder("xsens")
     data = ENCODERS["xsens"]().encode(imu, fixes(0))
     found = decoded(decoder, data).imu
     assert len(found) == 9  # of the rate that is half NaN the encoder sends nothing

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.decoder import Decoder, DecoderError
 
 TEXT = """\
@@ -55,7 +55,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_class_with_feed_alone_is_a_decoder(file: Path) -> None:
-    decoder = decoder_of(f"{file}:Doubled")
+    decoder = make_decoder(f"{file}:Doubled")
     assert isinstance(decoder, Decoder)
     assert decoder.name == "Doubled"
     assert decoder.feed(b"\1\2\3\4").imu["rate"].tolist() == [[1, 2, 3]]
@@ -79,7 +79,7 @@ def test_what_cannot_be_loaded_is_named(
 ) -> None:
     monkeypatch.chdir(file.parent)
     with pytest.raises(DecoderError, match=words):
-        decoder_of(name)
+        make_decoder(name)
 
 
 @pytest.mark.parametrize(
@@ -92,4 +92,4 @@ def test_what_cannot_be_loaded_is_named(
 )
 def test_what_fails_says_where(file: Path, name: str, words: str) -> None:
     with pytest.raises(DecoderError, match=words):
-        decoder_of(f"{file}:{name}").feed(b"abc")
+        make_decoder(f"{file}:{name}").feed(b"abc")

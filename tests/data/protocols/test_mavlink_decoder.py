@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from writers.mavlink import Station, log
 
 from lab.data.protocols import mavlink_file
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.decoder import DecoderError
 from lab.data.protocols.framing import crc16_mcrf4xx
 from lab.data.protocols.mavlink_encoder import MavlinkEncoder
@@ -42,7 +42,7 @@ def test_the_captured_imu_has_the_values_of_pymavlink():
     data = capture(TLOG)
     link = dialect.MAVLink(None)
     read = [(end, link.decode(bytearray(frame))) for end, frame in frames(data)]
-    decoder = decoder_of("mavlink")
+    decoder = make_decoder("mavlink")
     found = decoded(decoder, data)
     assert decoder.statistics.frames == len(read) == 9720
     raw = [(end, message) for end, message in read if message.get_type() == "RAW_IMU"]
@@ -82,7 +82,7 @@ def test_pymavlink_reads_what_is_encoded_and_so_do_we():
     read = parser.parse_buffer(data)
     samples = [message for message in read if message.get_type() == "HIGHRES_IMU"]
     places = [message for message in read if message.get_type() == "GPS_RAW_INT"]
-    found = decoded(decoder_of("mavlink"), data)
+    found = decoded(make_decoder("mavlink"), data)
     assert (len(found.imu), len(found.fix)) == (len(samples), len(places)) == (200, 2)
     for row, message in zip(found.imu, samples, strict=True):
         assert row["rate"].tolist() == [message.xgyro, message.ygyro, message.zgyro]
@@ -105,7 +105,7 @@ def scaled(system: int, kind: str, time: int, acc: int = -1000, v1: bool = False
 
 
 def test_one_message_of_one_vehicle_is_the_imu():
-    decoder = decoder_of("mavlink")
+    decoder = make_decoder("mavlink")
     stream = b"".join(
         scaled(1, "scaled_imu2", 10 * time)
         + scaled(1, "raw_imu", 10 * time, v1=True)
@@ -122,7 +122,7 @@ def test_one_message_of_one_vehicle_is_the_imu():
 def test_counts_of_an_unknown_unit_are_not_taken():
     assert (
         decoded(
-            decoder_of("mavlink"), b"".join(scaled(1, "raw_imu", time, -16384) for time in range(20))
+            make_decoder("mavlink"), b"".join(scaled(1, "raw_imu", time, -16384) for time in range(20))
         ).imu.size
         == 0
     )
@@ -134,7 +134,7 @@ def test_without_pymavlink_the_message_names_the_command(tmp_path, monkeypatch):
     (tmp_path / "log").write_bytes(log(station))
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
     with pytest.raises(DecoderError, match=r"needs pymavlink.*pip install 'ins-lab\[mavlink\]'"):
-        decoder_of("mavlink")
+        make_decoder("mavlink")
     assert recognise(b"\xfd" * 100) == []
     path = tmp_path / "log"
     for read in (lambda: mavlink_file.read([path], {}), lambda: mavlink_file.read_log(path)):

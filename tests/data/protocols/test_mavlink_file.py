@@ -16,7 +16,7 @@ from writers import mavlink as writer
 from lab.data.formats import reader_of
 from lab.data.log.vehicle import vehicle_of
 from lab.data.protocols import mavlink_file as mavlink
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.missions import MissionError, mission
 from lab.motion.frames import ecef
 
@@ -120,7 +120,7 @@ def test_the_sensors_are_those_that_were_sent(path_of, imu, turn, force):
     assert np.unique(log.gnss.velocity_sigma) == pytest.approx([autopilot.GPS_SIGMA[1]])
     assert np.unique(log.gnss.position_sigma) == pytest.approx([autopilot.GPS_SIGMA[0]])
     # A stream of the same bytes has the same samples and fixes.
-    found = decoded(decoder_of("mavlink"), writer.write(recording, imu), 4096)
+    found = decoded(make_decoder("mavlink"), writer.write(recording, imu), 4096)
     np.testing.assert_allclose(found.imu["time"], log.time + log.epoch, rtol=1e-15)
     np.testing.assert_allclose(found.imu["rate"][1:], turns, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(found.fix["velocity_n"], log.gnss.velocity_n)
@@ -137,7 +137,7 @@ def test_headings_and_wheels_are_those_of_a_stream(path_of):
             place = (450_000_000, round(1e7 * (-73 + t * 1.27e-4)), 100_000, 70, 110, 1000, 9000, 12)
             station.add(t, "GPS_RAW_INT", stamp, 3, *place, yaw=(k * 50) % 36_000, hdg_acc=(k % 8) * 10_000)
     data = writer.log(station)
-    log, found = mavlink.read_log(path_of(data)), decoded(decoder_of("mavlink"), data)
+    log, found = mavlink.read_log(path_of(data)), decoded(make_decoder("mavlink"), data)
     headings, odometer = log.auxiliary.headings, log.auxiliary.odometer
     rows = found.reading[np.isfinite(found.reading["heading"])]
     np.testing.assert_allclose(headings.time + log.epoch, rows["time"])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from live_streams import capture, decoded, fixes, hexadecimal, motion
 
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.mip import MipEncoder
 from lab.data.protocols.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
 
@@ -42,7 +42,7 @@ def packet(descriptors: int, *fields: tuple[int, bytes]) -> bytes:
 
 
 def test_the_published_packet_has_the_published_values():
-    decoder = decoder_of("mip")
+    decoder = make_decoder("mip")
     (row,) = decoded(decoder, OTHERS + UNFINISHED + EXAMPLE).imu
     assert row["time"] == pytest.approx(23.067, abs=1e-12)
     np.testing.assert_allclose(row["force"] / G, (0.077592, 0.000061, -0.979233), atol=5.1e-7)
@@ -54,7 +54,7 @@ def test_the_published_packet_has_the_published_values():
 
 def test_all_captured_packets_are_read():
     data = capture("mip_sdk_mip_data.bin")
-    decoder = decoder_of("mip")
+    decoder = make_decoder("mip")
     imu = decoded(decoder, data).imu
     seen = decoder.statistics
     assert (seen.frames, seen.skipped, seen.failed, seen.unknown) == (8384, 0, 0, 8384 - 4473)
@@ -89,7 +89,7 @@ def test_increments_are_divided_by_their_interval(by):
         )
         for stamp in (10**9, 1_125_000_000)
     ]
-    imu = decoded(decoder_of("mip"), b"".join(packets)).imu
+    imu = decoded(make_decoder("mip"), b"".join(packets)).imu
     assert len(imu) == (2 if time else 1)
     assert imu["rate"][-1].tolist() == [2, -4, 8]
     np.testing.assert_allclose(imu["force"][-1], np.array((4, 2, -1)) * G, rtol=1e-15)
@@ -100,13 +100,13 @@ def test_a_receiver_makes_fixes():
     velocity = struct.pack(">8fH", 1.0, 2.0, -0.5, 0, 0, 0, 0.25, 0, 0x3F)
     info, time = struct.pack(">BBHH", 6, 14, 0, 7), struct.pack(">dHH", 300_000.2, 2200, 1)
     (fix,) = decoded(
-        decoder_of("mip"), packet(0x81, (0x03, place), (0x05, velocity), (0x0B, info), (0x09, time))
+        make_decoder("mip"), packet(0x81, (0x03, place), (0x05, velocity), (0x0B, info), (0x09, time))
     ).fix
     assert np.degrees([fix["latitude"], fix["longitude"]]) == pytest.approx((44.5, -73.25), abs=1e-12)
     assert (fix["height"], fix["week_time"], fix["satellites"], fix["fix_type"]) == (150, 300_000.2, 14, 6)
     assert fix["velocity_n"].tolist() == [1, 2, -0.5]
     invalid = struct.pack(">4d2fH", 44.5, -73.25, 150.0, 180.0, 1.5, 2.5, 0)
-    (fix,) = decoded(decoder_of("mip"), packet(0x91, (0x03, invalid))).fix
+    (fix,) = decoded(make_decoder("mip"), packet(0x91, (0x03, invalid))).fix
     assert np.isnan(fix["latitude"])
 
 
@@ -125,14 +125,14 @@ def test_each_kind_of_fix_is_sent_as_the_maker_numbers_it():
             place += data[place]
         at = last + 2
     assert sent == list(numbers.values())
-    found = decoded(decoder_of("mip"), data).fix
+    found = decoded(make_decoder("mip"), data).fix
     np.testing.assert_array_equal(found["fix_type"][1:], fix["fix_type"][1:])
     assert np.isnan(found["latitude"]).tolist() == [True, *[False] * (len(fix) - 1)]
 
 
 def test_what_is_encoded_is_read_again():
     imu, fix = motion(300), fixes(3)
-    decoder = decoder_of("mip")
+    decoder = make_decoder("mip")
     found = decoded(decoder, MipEncoder().encode(imu, fix))
     assert decoder.statistics.skipped == decoder.statistics.failed == 0
     for name in ("rate", "force"):

@@ -20,7 +20,7 @@ from writers.nmea import sentence
 
 from lab.data.formats import reader_of
 from lab.data.protocols import receiver_file
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.nmea_encoder import NmeaEncoder
 from lab.data.rebuild.derived_motion import body_rates
 from lab.data.rebuild.import_settings import ImportSettings
@@ -64,7 +64,7 @@ def test_captured_sentences_have_the_values_of_pynmeagps(name):
                 "north": message.spd * KNOT * math.cos(course),
                 "east": message.spd * KNOT * math.sin(course),
             }
-    rows = decoded(decoder_of("nmea"), data).fix
+    rows = decoded(make_decoder("nmea"), data).fix
     rows = rows[rows["fix_type"] > 1]
     assert len(rows) == len(expected) == CAPTURES[name]
     for row, one in zip(rows, expected.values(), strict=True):
@@ -78,7 +78,7 @@ def test_captured_sentences_have_the_values_of_pynmeagps(name):
 
 
 def test_sentences_of_one_time_make_one_fix():
-    decoder = decoder_of("nmea")
+    decoder = make_decoder("nmea")
     (first, _) = decoded(
         decoder, epoch(0, "RMC", "GGA", "GST", "VTG") + epoch(1, "RMC", "GGA", "GST", "VTG")
     ).fix
@@ -94,7 +94,7 @@ def test_sentences_of_one_time_make_one_fix():
 
 
 def test_a_fix_does_not_wait_for_the_next_one():
-    decoder = decoder_of("nmea")
+    decoder = make_decoder("nmea")
     assert len(decoder.feed(epoch(0, "RMC", "GGA", "GST")).fix) == 0  # may have more kinds
     assert len(decoder.feed(epoch(1, "RMC", "GGA")).fix) == 1
     assert len(decoder.feed(epoch(1, "GST")).fix) == 1
@@ -125,7 +125,7 @@ def test_the_sentence_of_u_blox_alone_is_a_flight(tmp_path):
     np.testing.assert_allclose(flight.height, 546.589)
     np.testing.assert_allclose(flight.velocity_n[:20], np.tile((0.0, 10.0, -0.5), (20, 1)), atol=1e-9)
     assert any("above the ellipsoid" in remark for remark in flight.remarks)
-    fix = decoded(decoder_of("nmea"), "".join(lines).encode()).fix
+    fix = decoded(make_decoder("nmea"), "".join(lines).encode()).fix
     np.testing.assert_allclose(fix["horizontal_sigma"][:20], 2.1)
     np.testing.assert_allclose(fix["vertical_sigma"][:20], 3.4)
 
@@ -148,7 +148,7 @@ def said(quality: str, status: str, mode: str, clock: str = "120000.00") -> str:
     ],
 )  # fmt: skip
 def test_the_kind_of_a_fix_is_that_of_the_standard(quality, status, mode, kind):
-    (row,) = decoded(decoder_of("nmea"), said(quality, status, mode).encode()).fix
+    (row,) = decoded(make_decoder("nmea"), said(quality, status, mode).encode()).fix
     assert row["fix_type"] == kind
     assert np.isnan(row["latitude"]) == (kind == 1)
 
@@ -169,7 +169,7 @@ def test_the_kind_of_a_fix_is_that_of_the_standard(quality, status, mode, kind):
 )
 def test_each_sentence_with_a_position_says_its_kind(body, kind):
     for words, expected in kind.items():
-        (row,) = decoded(decoder_of("nmea"), sentence(body.format(words)).encode()).fix
+        (row,) = decoded(make_decoder("nmea"), sentence(body.format(words)).encode()).fix
         assert row["fix_type"] == expected, words
 
 
@@ -244,7 +244,7 @@ def test_any_cut_of_the_bytes_gives_the_same_rows(cuts, damage):
     data = bytearray(drive((12, "1", "A", "A"), (3, "6", "V", "E")) + epoch(59, "RMC", "GGA", "GST", "VTG"))
     for place in damage:
         data[place % len(data)] ^= 1
-    whole, decoder = decoded(decoder_of("nmea"), bytes(data)), decoder_of("nmea")
+    whole, decoder = decoded(make_decoder("nmea"), bytes(data)), make_decoder("nmea")
     ends = [0, *sorted(cut % len(data) for cut in cuts), len(data)]
     parts = [decoder.feed(bytes(data[a:b])).fix for a, b in pairwise(ends)]
     assert np.concatenate([*parts, decoder.finish().fix]).tobytes() == whole.fix.tobytes()
@@ -258,7 +258,7 @@ def test_time_goes_on_after_midnight_with_zda_and_without_a_date(date):
         gga = sentence(f"GPGGA,{clock},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,")
         data += {"": gga, "ZDA first": zda + gga, "ZDA last": gga + zda}[date]
     begin = datetime(2023, 12, 31, tzinfo=UTC).timestamp() if date else 0
-    utc = decoded(decoder_of("nmea"), data.encode()).fix["utc"]
+    utc = decoded(make_decoder("nmea"), data.encode()).fix["utc"]
     assert (utc - begin).tolist() == [86398, 86399, 86400]
 
 
@@ -280,14 +280,14 @@ def test_sound_sentences_without_a_position_are_named():
 
 def test_a_height_above_the_sea_is_marked():
     (row,) = decoded(
-        decoder_of("nmea"), sentence("GPGGA,120000,4807.038,N,01131.000,E,1,08,0.9,545.4,M,,M,,").encode()
+        make_decoder("nmea"), sentence("GPGGA,120000,4807.038,N,01131.000,E,1,08,0.9,545.4,M,,M,,").encode()
     ).fix
     assert (row["height"], row["sea_level"]) == (545.4, 1)
 
 
 def test_damaged_sentences_are_dropped():
     whole = epoch(0, "RMC", "GGA")
-    decoder = decoder_of("nmea")
+    decoder = make_decoder("nmea")
     stream = (
         whole.replace(b"4807", b"4817") + b"$GPGGA,1200" + b"$$" + epoch(1, "GGA") + b"$GPGGA" + b"\xb5" * 90
     )
@@ -298,7 +298,7 @@ def test_damaged_sentences_are_dropped():
 def test_what_is_encoded_is_read_again():
     fix = fixes(5)
     fix["fix_type"] = (3, 4, 5, 6, 3)
-    found = decoded(decoder_of("nmea"), NmeaEncoder().encode(fix[:0], fix)).fix
+    found = decoded(make_decoder("nmea"), NmeaEncoder().encode(fix[:0], fix)).fix
     assert found["fix_type"].tolist() == fix["fix_type"].tolist()
     for name, bound in (
         ("latitude", 1e-10),
@@ -546,7 +546,7 @@ def _of_receivers(*senders: tuple[str, int, float]) -> bytes:
 @pytest.mark.parametrize("rates", [(5, 5), (5, 1), (1, 5)])
 def test_two_receivers_are_not_mixed(rates):
     data = _of_receivers(("GP", rates[0], 48.1), ("GN", rates[1], 48.10002))
-    decoder = decoder_of("nmea")
+    decoder = make_decoder("nmea")
     fix = decoder.feed(data).fix
     is_first = np.isclose(np.degrees(fix["latitude"]), 48.1, rtol=0, atol=1e-6)
     # The first ones come before both are known.
@@ -558,7 +558,7 @@ def test_two_receivers_are_not_mixed(rates):
 
 def test_a_receiver_that_uses_other_satellites_is_one():
     first, then = _of_receivers(("GP", 5, 48.1)), _of_receivers(("GN", 5, 48.1))
-    decoder = decoder_of("nmea")
+    decoder = make_decoder("nmea")
     half = first.index(b"$GPGGA,120030")
     fix = decoder.feed(first[:half] + then[then.index(b"$GNGGA,120030") :]).fix
     assert len(fix) >= 299

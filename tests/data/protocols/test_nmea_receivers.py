@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.framing import xor8
 from lab.motion.frames.earth import SEMI_MAJOR_AXIS
 
@@ -38,7 +38,7 @@ def sentences(t: float, aside: float, quality: int = 4) -> list[str]:
 
 def read(lines: list[str]) -> tuple[np.ndarray, str]:
     """Return for each fix how far east of the first receiver's path it is [m], and what is said."""
-    decoder = decoder_of("nmea")
+    decoder = make_decoder("nmea")
     parts = [decoder.feed(line.encode()).fix for line in lines]
     fix = np.concatenate([*parts, decoder.finish().fix])
     since = fix["utc"] % 86400 - 36_000

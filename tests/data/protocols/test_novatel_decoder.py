@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from live_streams import decoded, fixes, motion
 
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.novatel import NovAtelEncoder
 
 WEEK = 604_800.0
@@ -54,7 +54,7 @@ def line(text: str) -> bytes:
 
 
 def read(*lines: str):
-    return decoded(decoder_of("novatel"), b"".join(f"{one}\r\n".encode() for one in lines))
+    return decoded(make_decoder("novatel"), b"".join(f"{one}\r\n".encode() for one in lines))
 
 
 def test_checks_of_published_messages_pass_and_values_are_theirs():
@@ -78,15 +78,15 @@ def test_a_position_and_the_velocity_of_its_time_are_one_fix_in_both_forms():
     place = PLACE[:-9].replace("2209,502061.000", "2437,558924.650")
     for velocity in (f"{VELOCITY}\r\n".encode(), bytes.fromhex(VELOCITY_IN_BINARY)):
         for data in (line(place) + velocity, velocity + line(place)):
-            (fix,) = decoded(decoder_of("novatel"), velocity + data).fix
+            (fix,) = decoded(make_decoder("novatel"), velocity + data).fix
             assert fix["velocity_n"] == pytest.approx(
                 [speed * np.cos(course), speed * np.sin(course), -0.0016], abs=5e-5
             )
-    (fix,) = decoded(decoder_of("novatel"), f"{VELOCITY}\r\n".encode() + f"{PLACE}\r\n".encode()).fix
+    (fix,) = decoded(make_decoder("novatel"), f"{VELOCITY}\r\n".encode() + f"{PLACE}\r\n".encode()).fix
     assert np.isnan(fix["velocity_n"]).all()  # of another time
     solution = f"{SOLUTION}\r\n".encode()
     assert (
-        len(decoded(decoder_of("novatel"), line(place) + 3 * solution).fix) == 1
+        len(decoded(make_decoder("novatel"), line(place) + 3 * solution).fix) == 1
     )  # the receiver's, not the device's
 
 
@@ -94,7 +94,7 @@ def test_an_imu_is_known_by_its_type_or_by_its_gravity():
     """HG1700-AG58 counts 2^-27 ft/s and 2^-33 rad; a KVH and an iMAR-FSAS both count 0.05/2^15 m/s."""
     second = SAMPLE[:-9].replace("484620.664389", "484620.674389")
     data = f"{SAMPLE}\r\n".encode() + line(second)
-    (row,) = decoded(decoder_of("novatel"), data).imu
+    (row,) = decoded(make_decoder("novatel"), data).imu
     assert row["time"] == 1692 * WEEK + 484_620.674389
     foot = 0.3048
     assert row["force"] == pytest.approx(np.array([-202_184, 817_242, 43_110_635]) * foot / 2**27 / 0.01)
@@ -103,25 +103,25 @@ def test_an_imu_is_known_by_its_type_or_by_its_gravity():
     epson = [
         one.replace(";00,11,", ";00,41,").replace("43110635", "327680000") for one in (SAMPLE[:-9], second)
     ]
-    (row,) = decoded(decoder_of("novatel"), b"".join(map(line, epson))).imu
+    (row,) = decoded(make_decoder("novatel"), b"".join(map(line, epson))).imu
     assert row["force"][2] == pytest.approx(9.80665)  # 0.2 mg / 2^16 a count, of the force itself
     assert np.degrees(row["rate"][2]) == pytest.approx(-215_194 * 0.008 / 2**16)
     alone = [
         f"%RAWIMUSA,1692,{t:.3f};1692,{t:.9f},00801503,{z},-8172,-2021,-215,-41,-98"
         for t, z in ((100 + 0.01 * k, 43_110_635) for k in range(12))
     ]
-    imu = decoded(decoder_of("novatel"), b"".join(map(line, alone))).imu
+    imu = decoded(make_decoder("novatel"), b"".join(map(line, alone))).imu
     assert len(imu) == 4  # eight intervals show 1 g, the last of which is a sample
     assert imu["force"][:, 2] == pytest.approx(43_110_635 * foot / 2**27 / 0.01)
     two = [one.replace("43110635", "63811") for one in alone]  # gyros of two IMUs would fit: none is taken
-    assert len(decoded(decoder_of("novatel"), b"".join(map(line, two))).imu) == 0
+    assert len(decoded(make_decoder("novatel"), b"".join(map(line, two))).imu) == 0
 
 
 def test_a_lost_message_does_not_halve_the_rates():
     data = NovAtelEncoder().encode(motion(20), fixes(0))
     size = len(data) // 20
-    whole = decoded(decoder_of("novatel"), data).imu
-    gap = decoded(decoder_of("novatel"), data[: 8 * size] + data[9 * size :]).imu
+    whole = decoded(make_decoder("novatel"), data).imu
+    gap = decoded(make_decoder("novatel"), data[: 8 * size] + data[9 * size :]).imu
     np.testing.assert_allclose(gap["force"], np.delete(whole["force"], 7, axis=0), atol=1e-9)
     np.testing.assert_allclose(whole["rate"], motion(20)["rate"][1:], atol=1e-6)
 
@@ -129,7 +129,7 @@ def test_a_lost_message_does_not_halve_the_rates():
 def test_hostile_numbers_in_messages_with_a_sound_check_raise_nothing():
     rng = np.random.default_rng(5)
     words = ["1e999", "-1e308", "nan", "", "SOL_COMPUTED", "x" * 40, "9" * 60, "-1", "65535"]
-    decoder = decoder_of("novatel")
+    decoder = make_decoder("novatel")
     for text in (PLACE, VELOCITY, SAMPLE, UNTYPED, SOLUTION):
         head, _, body = text[:-9].partition(";")
         for _ in range(200):

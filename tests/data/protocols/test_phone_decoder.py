@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.data.protocols.pairing import Pairing
 from lab.data.protocols.phone import PhoneDecoder, PhoneEncoder
-from lab.data.protocols.phone_line import RADIANS, PhoneLine, line_of
+from lab.data.protocols.phone_line import RADIANS, PhoneLine, parse_line
 
 G = 9.81
 
@@ -156,7 +156,7 @@ def test_a_damaged_byte_is_noticed_wherever_it_is():
 
 def test_a_line_without_a_direction_of_length_one_has_none():
     for up in ("[0,0,0]", "[0,0,2]", "[0,1]", "7", "[null,0,1]"):
-        line = line_of(checked(GOOD.replace('"unit"', f'"up":{up},"unit"')).rstrip())
+        line = parse_line(checked(GOOD.replace('"unit"', f'"up":{up},"unit"')).rstrip())
         assert line is not None
         assert line.up is None
 

@@ -11,7 +11,7 @@ from live_streams import decoded
 from pynmeagps import NMEAMessage, NMEAReader
 from pyubx2 import GET, UBXMessage, UBXReader
 
-from lab.data.protocols.catalogue import ENCODERS, decoder_of
+from lab.data.protocols.catalogue import ENCODERS, make_decoder
 from lab.data.protocols.samples import READING
 
 HEADINGS = (0.0, 89.99, 180.0, 270.5, 359.99)
@@ -37,7 +37,7 @@ def relative_position(degrees: float, **flags: int) -> bytes:
 
 @pytest.mark.parametrize("degrees", HEADINGS)
 def test_the_heading_of_a_moving_base_is_that_of_pyubx2(degrees: float) -> None:
-    (row,) = decoded(decoder_of("ublox"), relative_position(degrees)).reading
+    (row,) = decoded(make_decoder("ublox"), relative_position(degrees)).reading
     assert math.degrees(row["heading"]) == pytest.approx(degrees, abs=1e-5)
     assert math.degrees(row["heading_sigma"]) == pytest.approx(0.4, abs=1e-5)
     assert row["week_time"] == pytest.approx(345_600.2)
@@ -46,7 +46,7 @@ def test_the_heading_of_a_moving_base_is_that_of_pyubx2(degrees: float) -> None:
 
 @pytest.mark.parametrize("flag", ["gnssFixOK", "isMoving", "relPosHeadingValid"])
 def test_a_heading_that_is_invalid_or_of_a_base_that_stands_is_not_taken(flag: str) -> None:
-    assert not len(decoded(decoder_of("ublox"), relative_position(90.0, **{flag: 0})).reading)
+    assert not len(decoded(make_decoder("ublox"), relative_position(90.0, **{flag: 0})).reading)
 
 
 @pytest.mark.parametrize("speed", [0.0, 12.345, -3.2])
@@ -54,7 +54,7 @@ def test_the_speed_of_a_vehicle_is_that_of_pyubx2(speed: float) -> None:
     word = 11 << 24 | round(speed * 1e3) & 0xFFFFFF
     message = UBXMessage("ESF", "ESF-MEAS", GET, payload=struct.pack("<IHHI", 7_200, 1 << 11, 0, word))
     assert (message.numMeas, message.dataType_01, message.timeTag) == (1, 11, 7_200)
-    (row,) = decoded(decoder_of("ublox"), message.serialize()).reading
+    (row,) = decoded(make_decoder("ublox"), message.serialize()).reading
     assert row["speed"] == pytest.approx(speed, abs=1e-9)
     assert row["time"] == pytest.approx(7.2)
 
@@ -75,14 +75,14 @@ def test_pyubx2_reads_what_the_encoder_writes() -> None:
 def test_headings_of_nmea_are_those_of_pynmeagps(degrees: float) -> None:
     data = NMEAMessage("GP", "HDT", 0, headingT=degrees, headingTu="T").serialize()
     data += NMEAMessage("GN", "THS", 0, headt=degrees, mi="A").serialize()
-    found = decoded(decoder_of("nmea"), data).reading
+    found = decoded(make_decoder("nmea"), data).reading
     np.testing.assert_allclose(np.degrees(found["heading"]), [degrees] * 2, atol=1e-9)
 
 
 @pytest.mark.parametrize("mode", ["E", "V", ""])
 def test_an_estimated_or_invalid_heading_is_not_taken(mode: str) -> None:
     data = NMEAMessage("GN", "THS", 0, headt=12.5, mi=mode).serialize()
-    assert not len(decoded(decoder_of("nmea"), data).reading)
+    assert not len(decoded(make_decoder("nmea"), data).reading)
 
 
 def test_yaw_and_wheels_are_those_of_pymavlink() -> None:
@@ -95,7 +95,7 @@ def test_yaw_and_wheels_are_those_of_pymavlink() -> None:
     for number, distance in enumerate((10.0, 12.0, 11.0)):
         wheels = [distance - 0.5, distance + 0.5, *[99.0] * 14]
         data += link.wheel_distance_encode(5_000_000 + 200_000 * number, 2, wheels).pack(link)
-    found = decoded(decoder_of("mavlink"), data).reading
+    found = decoded(make_decoder("mavlink"), data).reading
     np.testing.assert_allclose(found["heading"], [2 * np.pi, np.pi / 2, np.nan, np.nan])
     np.testing.assert_allclose(found["speed"], [np.nan, np.nan, 10.0, -5.0])
     np.testing.assert_allclose(found["time"], [4.0, 4.0, 5.1, 5.3])
@@ -113,7 +113,7 @@ def test_the_uncertainty_of_a_yaw_is_its_sigma() -> None:
         for sigma in (40_000, 0)
     )
     data += link.gps_raw_int_encode(4_000_000, *first, yaw=0, hdg_acc=40_000).pack(link)  # of a course
-    found = decoded(decoder_of("mavlink"), data).reading
+    found = decoded(make_decoder("mavlink"), data).reading
     np.testing.assert_allclose(np.degrees(found["heading_sigma"]), [0.4, 0.4, np.nan, np.nan])
 
 
@@ -125,7 +125,7 @@ def test_a_text_line_that_repeats_a_speed_is_no_new_reading() -> None:
         f"{number / 100:.2f},0.1,0.2,0.3,0.01,0.02,1.00,{90 + number // 20},{36 + number // 10}"
         for number in range(40)
     ]
-    found = decoded(decoder_of("text"), "".join(f"{line}\n" for line in lines).encode())
+    found = decoded(make_decoder("text"), "".join(f"{line}\n" for line in lines).encode())
     assert len(found.imu) == 40
     speed, heading = (found.reading[name] for name in ("speed", "heading"))
     np.testing.assert_allclose(speed[np.isfinite(speed)], np.arange(36, 40) / 3.6)

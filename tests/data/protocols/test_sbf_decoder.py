@@ -12,7 +12,7 @@ from sensor_logs import tables
 from writers import sbf as writer
 
 from lab.data.formats import read_raw
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.framing import crc16_xmodem
 from lab.data.protocols.recognition import recognise
 from lab.data.protocols.sbf import SbfEncoder
@@ -36,7 +36,7 @@ def checked(body: bytes) -> bytes:
 
 
 def test_a_published_block_has_its_values():
-    (fix,) = decoded(decoder_of("septentrio"), BLOCK).fix
+    (fix,) = decoded(make_decoder("septentrio"), BLOCK).fix
     latitude, longitude, height = pymap3d.ecef2geodetic(*PLACE, deg=False)
     assert (fix["latitude"], fix["longitude"]) == pytest.approx((latitude, longitude), abs=1e-13)
     assert fix["height"] == pytest.approx(height, abs=1e-6)
@@ -47,34 +47,34 @@ def test_a_published_block_has_its_values():
     assert (fix["fix_type"], fix["satellites"]) == (6, 16)
     assert fix["horizontal_sigma"] == pytest.approx(1.22 / 2 / np.sqrt(2))
     assert fix["vertical_sigma"] == pytest.approx(0.68)
-    decoder = decoder_of("septentrio")
+    decoder = make_decoder("septentrio")
     assert not len(decoded(decoder, BROKEN).fix)
     assert decoder.statistics.failed == 1
 
 
 def test_the_geodetic_form_is_preferred_and_errors_have_no_position():
     geodetic = SbfEncoder().encode(motion(0), fixes(3))
-    found = decoded(decoder_of("septentrio"), geodetic + BLOCK).fix
+    found = decoded(make_decoder("septentrio"), geodetic + BLOCK).fix
     assert len(found) == 3
     body = bytearray(BLOCK[4:])
     body[11] = 2  # Error: not enough satellites
-    (fix,) = decoded(decoder_of("septentrio"), checked(bytes(body))).fix
+    (fix,) = decoded(make_decoder("septentrio"), checked(bytes(body))).fix
     assert fix["fix_type"] == 1
     assert np.isnan(fix["latitude"])
     # An older block without accuracies, and one with numbers that are not known.
     old = bytearray(BLOCK[4:88])
     old[2:4] = (88).to_bytes(2, "little")
-    (fix,) = decoded(decoder_of("septentrio"), checked(bytes(old))).fix
+    (fix,) = decoded(make_decoder("septentrio"), checked(bytes(old))).fix
     assert np.isnan(fix["horizontal_sigma"])
     unknown = bytearray(BLOCK[4:])
     unknown[4:10] = b"\xff" * 6
-    (fix,) = decoded(decoder_of("septentrio"), checked(bytes(unknown))).fix
+    (fix,) = decoded(make_decoder("septentrio"), checked(bytes(unknown))).fix
     assert np.isnan(fix["time"])
 
 
 def test_what_is_sent_is_read():
     sent = fixes(20)
-    found = decoded(decoder_of("septentrio"), SbfEncoder().encode(motion(10), sent)).fix
+    found = decoded(make_decoder("septentrio"), SbfEncoder().encode(motion(10), sent)).fix
     for name in ("latitude", "longitude", "height"):
         np.testing.assert_allclose(found[name], sent[name], atol=1e-12)
     np.testing.assert_allclose(found["velocity_n"], sent["velocity_n"], atol=1e-5)
@@ -145,7 +145,7 @@ def test_the_measurements_of_its_sensor_are_samples():
     unknown = sensors(2**32 - 1, 2367, (1, (-2e10, 1.0, 1.0)))
     alone = sensors(208_903_020, 2**16 - 1, (0, force))
     other = sensors(208_903_030, 2367, (4, (1.0, 2.0, 3.0)))
-    decoder = decoder_of("septentrio")
+    decoder = make_decoder("septentrio")
     found = decoded(decoder, whole + unknown + alone + other).imu
     assert len(found) == 2 and decoder.statistics.refused == 1  # a rate of which a part is not known
     assert found["time"][0] == pytest.approx(2367 * 604_800 + 208_903.01)
@@ -160,7 +160,7 @@ def test_sets_that_end_beyond_their_block_are_left_out():
     for count, size in ((255, 28), (1, 255), (1, 3), (1, 0)):
         body = struct.pack("<IH2B", 1000, 2367, count, size) + struct.pack("<4B3d", 1, 4, 0, 0, 1, 2, 3)
         block = checked(struct.pack("<2H", 4050, 8 + len(body)) + body)
-        assert len(decoded(decoder_of("septentrio"), block).imu) == (count == 255)
+        assert len(decoded(make_decoder("septentrio"), block).imu) == (count == 255)
 
 
 def test_a_file_with_a_sensor_is_a_log(tmp_path):

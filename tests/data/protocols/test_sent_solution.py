@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from pynmeagps import VALCKSUM, NMEAReader
 from sent_solutions import POSITION, solution
 
-from lab.data.protocols.foxglove import CHANNELS, Conversation, messages_of
+from lab.data.protocols.foxglove import CHANNELS, Conversation, make_messages
 from lab.data.protocols.mavlink_encoder import MavlinkSolution
-from lab.data.protocols.nmea_encoder import NmeaEncoder, sentences_of
+from lab.data.protocols.nmea_encoder import NmeaEncoder, encode_sentences
 from lab.data.protocols.samples import READING
 from lab.data.protocols.sent_solution import json_line, row_of
 
@@ -62,13 +62,13 @@ def test_a_height_is_above_what_is_known(
 ) -> None:
     one = solution(is_above_sea=is_above_sea, geoid=geoid)
     assert [one.sea_height, one.ellipsoid_height] == pytest.approx([sea, ellipsoid], nan_ok=True)
-    altitude = read(sentences_of(one))["GGA"].alt
+    altitude = read(encode_sentences(one))["GGA"].alt
     assert altitude == ("" if math.isnan(sea) else sea)
     assert (b"GLOBAL" in str(messages(one)).encode()) == math.isfinite(sea)
 
 
 def test_another_parser_reads_the_sentences() -> None:
-    found = read(sentences_of(solution()))
+    found = read(encode_sentences(solution()))
     assert list(found) == ["GGA", "RMC", "VTG", "GST", "HDT"]
     gga, rmc, vtg, gst = (found[name] for name in ("GGA", "RMC", "VTG", "GST"))
     assert gga.talker == "IN"
@@ -86,11 +86,11 @@ def test_another_parser_reads_the_sentences() -> None:
 
 
 def test_what_is_not_known_is_empty_and_a_coasting_position_is_an_estimate() -> None:
-    found = read(sentences_of(solution(**WAITING)))
+    found = read(encode_sentences(solution(**WAITING)))
     assert list(found) == ["GGA", "RMC", "VTG"]
     assert (found["GGA"].quality, found["RMC"].status, found["RMC"].posMode) == (0, "V", "N")
     assert found["GGA"].time == found["RMC"].date == ""
-    found = read(sentences_of(solution(coasts=True, has_heading=False), "GP"))
+    found = read(encode_sentences(solution(coasts=True, has_heading=False), "GP"))
     assert "HDT" not in found
     assert (found["GGA"].quality, found["RMC"].posMode, found["VTG"].posMode) == (6, "E", "E")
     assert found["GGA"].talker == "GP"
@@ -99,7 +99,7 @@ def test_what_is_not_known_is_empty_and_a_coasting_position_is_an_estimate() -> 
 def test_a_course_is_known_above_the_noise_only() -> None:
     still = solution(velocity_n=np.array([0.1, 0.1, 0.0]))
     assert math.isnan(still.course)
-    assert read(sentences_of(still))["RMC"].cog == ""
+    assert read(encode_sentences(still))["RMC"].cog == ""
 
 
 FAR = st.floats(-1e7, 1e7)
@@ -123,7 +123,7 @@ def test_no_sentence_is_too_long_or_lies(
         velocity_n=np.array([north, east, down]), euler=np.array([0.0, 0.0, heading]),
         position_covariance=np.diag([north**2, east**2, down**2]),
     )  # fmt: skip
-    data = sentences_of(one)
+    data = encode_sentences(one)
     assert data.isascii()
     lines = data.split(b"\r\n")
     assert lines.pop() == b""
@@ -151,8 +151,8 @@ def test_no_number_of_a_navigator_breaks_a_writer(
     )  # fmt: skip
     with np.errstate(over="ignore", invalid="ignore"):
         assert json.loads(json_line(one))
-        assert read(sentences_of(one))
-        assert all(json.loads(data) for data in messages_of(one).values())
+        assert read(encode_sentences(one))
+        assert all(json.loads(data) for data in make_messages(one).values())
         assert "HEARTBEAT" in messages(one)
 
 
@@ -203,7 +203,7 @@ def test_mavlink_sends_no_heading_and_no_place_that_is_not_known() -> None:
 
 
 def test_foxglove_gets_east_north_up() -> None:
-    found = {number: json.loads(data) for number, data in messages_of(solution()).items()}
+    found = {number: json.loads(data) for number, data in make_messages(solution()).items()}
     fix = found[2]
     assert np.reshape(fix["position_covariance"], (3, 3)) == pytest.approx(
         np.array([[9.0, 1.0, 0.25], [1.0, 4.0, -0.5], [0.25, -0.5, 16.0]])
@@ -212,13 +212,15 @@ def test_foxglove_gets_east_north_up() -> None:
     assert fix["timestamp"] == {"sec": 1_767_312_016, "nsec": 250_000_000}
     assert found[1]["latitude_deg"] == 45.5
     # Heading east, level: forward is the first axis of east, north, up, and nothing is turned.
-    level = json.loads(messages_of(solution(euler=np.array([0.0, 0.0, 90.0])))[3])["rotation"]
+    level = json.loads(make_messages(solution(euler=np.array([0.0, 0.0, 90.0])))[3])["rotation"]
     assert [abs(level[axis]) for axis in "xyzw"] == pytest.approx([0, 0, 0, 1], abs=1e-12)
     # Nose up by 30° while heading east: the nose, which is x, points up.
-    x, y, z, w = json.loads(messages_of(solution(euler=np.array([0.0, 30.0, 90.0])))[3])["rotation"].values()
+    x, y, z, w = json.loads(make_messages(solution(euler=np.array([0.0, 30.0, 90.0])))[3])[
+        "rotation"
+    ].values()
     assert 2 * (x * z - w * y) == pytest.approx(math.sin(math.radians(30)))
-    assert set(messages_of(solution(**WAITING))) == {1}
-    assert "altitude" not in json.loads(messages_of(solution(is_above_sea=True, geoid=NAN))[2])
+    assert set(make_messages(solution(**WAITING))) == {1}
+    assert "altitude" not in json.loads(make_messages(solution(is_above_sea=True, geoid=NAN))[2])
 
 
 def test_a_conversation_takes_subscriptions_and_nothing_else() -> None:

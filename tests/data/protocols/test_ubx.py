@@ -19,7 +19,7 @@ from writers.ubx import WEEK, message, pvt
 
 from lab.data.formats import read_raw, reader_of
 from lab.data.protocols import receiver_file
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.stream_decoder import StreamDecoder
 from lab.data.protocols.ubx import MEAS_TICK, RAW_TICK, UbloxEncoder, Ubx
 from lab.data.streams.reception import Reception
@@ -118,7 +118,7 @@ def test_all_samples_have_the_numbers_of_pyubx2():
 
 
 def test_the_faster_message_of_the_imu_goes_before_the_slower_one():
-    rows = decoded(decoder_of("ublox"), capture(M8U)).imu
+    rows = decoded(make_decoder("ublox"), capture(M8U)).imu
     assert len(rows) == 290
     assert not np.isnan(rows["rate"]).any()
     np.testing.assert_allclose(np.diff(rows["time"]), 0.01, atol=1.1e-3)  # its tags jitter by 1 ms
@@ -126,14 +126,14 @@ def test_the_faster_message_of_the_imu_goes_before_the_slower_one():
 
 def test_sentences_beside_messages_make_no_second_fix():
     data = capture(WALK)
-    assert len(decoded(decoder_of("nmea"), data).fix) == 88
-    assert len(decoded(decoder_of("ublox"), data).fix) == 89
+    assert len(decoded(make_decoder("nmea"), data).fix) == 88
+    assert len(decoded(make_decoder("ublox"), data).fix) == 89
 
 
 def test_what_is_encoded_is_read_by_us_and_by_pyubx2():
     samples, fix = motion(500), fixes(5)
     data = UbloxEncoder().encode(samples, fix)
-    found = decoded(decoder_of("ublox"), data)
+    found = decoded(make_decoder("ublox"), data)
     np.testing.assert_allclose(found.imu["rate"], samples["rate"], atol=math.radians(2**-13) + 1e-12)
     np.testing.assert_allclose(found.imu["force"], samples["force"], atol=2**-11 + 1e-12)
     np.testing.assert_allclose(found.imu["time"], samples["time"], atol=RAW_TICK)
@@ -153,7 +153,7 @@ def test_a_triad_a_message_makes_a_sample_with_the_other_one_unknown():
             head = struct.pack("<IHH", round(row["time"] / MEAS_TICK), len(data) << 11, 0)
             payload = head + struct.pack(f"<{len(data)}I", *data)
             parts.append(UBXMessage(b"\x10", b"\x02", GET, payload=payload).serialize())
-    found = decoded(decoder_of("ublox"), b"".join(parts)).imu
+    found = decoded(make_decoder("ublox"), b"".join(parts)).imu
     np.testing.assert_allclose(found["force"][::2], samples["force"], atol=2**-11 + 1e-12)
     np.testing.assert_allclose(found["rate"][1::2], samples["rate"], atol=math.radians(2**-13) + 1e-12)
     np.testing.assert_allclose(found["time"][1::2], samples["time"], atol=MEAS_TICK)
@@ -165,16 +165,16 @@ def test_sentences_go_before_messages_without_a_velocity():
     words = [
         sentence(f"GNRMC,1200{i:02d}.00,A,4807.038,N,01131.000,E,22.4,84.4,230324,,,A") for i in range(9)
     ]
-    found = decoded(decoder_of("ublox"), b"".join(place + one.encode() for one in words)).fix
+    found = decoded(make_decoder("ublox"), b"".join(place + one.encode() for one in words)).fix
     assert np.isfinite(found["velocity_n"][:, 0]).sum() == 9
     assert len(found) <= 10
-    assert len(decoded(decoder_of("ublox"), place).fix) == 1
+    assert len(decoded(make_decoder("ublox"), place).fix) == 1
 
 
 def test_the_tags_go_on_when_they_start_again():
     samples = motion(300)
     samples["time"] += 655.36 - 8.5
-    found = decoded(decoder_of("ublox"), UbloxEncoder().encode(samples, fixes(0))).imu
+    found = decoded(make_decoder("ublox"), UbloxEncoder().encode(samples, fixes(0))).imu
     np.testing.assert_allclose(np.diff(found["time"]), 0.01, atol=2 * RAW_TICK)
 
 
@@ -253,7 +253,7 @@ def test_what_older_receivers_send_is_the_same_flight(file, kind):
     np.testing.assert_allclose(flight.velocity_n, np.tile((10.0, 5.0, -2.0), (20, 1)), rtol=0, atol=0.01)
     named = "2024-05-19" if kind != "POSLLH" else "does not name"
     assert named in flight.remarks[0]
-    rows = decoded(decoder_of("ublox"), b"".join(by_parts(kind, k) for k in range(20)), 7).fix
+    rows = decoded(make_decoder("ublox"), b"".join(by_parts(kind, k) for k in range(20)), 7).fix
     np.testing.assert_array_equal(rows["latitude"], flight.latitude)
     np.testing.assert_allclose(rows["velocity_n"], flight.velocity_n, atol=1e-12)
     # The accuracy that SOL and POSECEF give is that in three dimensions.
@@ -289,7 +289,7 @@ def test_fixes_of_nav_pvt_that_are_none_are_left_out_with_the_reason(file, lost,
     (dropped,) = flight.dropped
     assert (dropped.count, dropped.first_row) == (2, 11)
     assert dropped.reason.startswith(words)
-    kinds = decoded(decoder_of("ublox"), data).fix["fix_type"]
+    kinds = decoded(make_decoder("ublox"), data).fix["fix_type"]
     assert kinds.tolist() == 10 * [3] + 2 * [kind] + 10 * [3]
     reception = Reception("ublox")
     assert len(reception.accept(Chunk(0.0, data))[1]) == 20

@@ -11,8 +11,8 @@ import pytest
 from live_streams import capture, decoded, fixes, hexadecimal, motion
 from writers.vectornav_lines import lines
 
-from lab.data.protocols.catalogue import decoder_of
-from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_RATE, joined
+from lab.data.protocols.catalogue import make_decoder
+from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_RATE, join_samples
 from lab.data.protocols.vectornav import VectorNavEncoder
 
 EXAMPLE = hexadecimal("FA 01 08 00 93 50 2E 42 83 3E F1 3F 48 B5 04 BB 92 88")
@@ -63,7 +63,7 @@ def message(groups: int, fields: list[int], payload: bytes) -> bytes:
 
 
 def test_the_published_message_has_the_published_values():
-    decoder = decoder_of("vectornav")
+    decoder = make_decoder("vectornav")
     (row,) = decoded(decoder, EXAMPLE + BAD_EXAMPLE + COMMON).imu
     np.testing.assert_allclose(row["rate"], (0.00081067998, -0.00212470116, -0.00067193968), rtol=1e-7)
     np.testing.assert_allclose(row["force"], (9.78052139, 0.0643047914, -0.306475103), rtol=1e-7)
@@ -82,21 +82,21 @@ def test_time_is_that_since_start():
     # vnproglib 1.1, getting_started/main.c: TimeStartup 43000006000 ns, and attitude.
     stamp = hexadecimal("70 05 00 03 0A 00 00 00")
     whole = hexadecimal("FA 01 09 00") + stamp + hexadecimal("48 0E 2C 42 08 4C 37 C1 10 38 8B C2 D4 CB")
-    assert decoded(decoder := decoder_of("vectornav"), whole).imu.size == 0
+    assert decoded(decoder := make_decoder("vectornav"), whole).imu.size == 0
     assert decoder.statistics.frames == 1
-    (row,) = decoded(decoder_of("vectornav"), message(1, [0x21], stamp + struct.pack("<3f", 1, 2, 3))).imu
+    (row,) = decoded(make_decoder("vectornav"), message(1, [0x21], stamp + struct.pack("<3f", 1, 2, 3))).imu
     assert row["time"] == pytest.approx(43.000006, abs=1e-12)
 
 
 @pytest.mark.parametrize("line", LINES)
 def test_published_lines_have_their_values(line):
     force, rate, magnetic = LINES[line]
-    (row,) = decoded(decoder_of("vectornav"), line).imu
+    (row,) = decoded(make_decoder("vectornav"), line).imu
     assert tuple(row["force"]) == force
     assert tuple(row["rate"]) == rate
     np.testing.assert_allclose(row["magnetic"], np.array(magnetic) * 1e-4, rtol=1e-12)
     body = line[1 : line.index(b"*")]
-    (same,) = decoded(decoder_of("vectornav"), b"$" + body + b"*%04X\r\n" % crc(body)).imu
+    (same,) = decoded(make_decoder("vectornav"), b"$" + body + b"*%04X\r\n" % crc(body)).imu
     assert (same["force"] == row["force"]).all()
 
 
@@ -110,13 +110,13 @@ def test_published_lines_have_their_values(line):
     ],
 )
 def test_lines_with_a_wrong_check_are_dropped(line):
-    decoder = decoder_of("vectornav")
+    decoder = make_decoder("vectornav")
     assert decoded(decoder, line + next(iter(LINES))).imu.size == 1
     assert (decoder.statistics.frames, decoder.statistics.failed) == (1, 1)
 
 
 def test_replies_of_the_device_are_frames_without_samples():
-    decoder = decoder_of("vectornav")
+    decoder = make_decoder("vectornav")
     replies = b"$VNRRG,01,VN-200T-CR*31\r\n$VNWRG,07,2*6F\r\n$VNRRG,35,1,1,1,1*75\r\n$VNERR,12*72\r\n"
     assert decoded(decoder, replies).imu.size == 0
     assert (decoder.statistics.frames, decoder.statistics.unknown) == (4, 4)
@@ -125,7 +125,7 @@ def test_replies_of_the_device_are_frames_without_samples():
 def test_a_captured_voyage_has_the_values_of_another_parser():
     rows = list(csv.reader(capture(CSV).decode().splitlines()))[1:]
     expected = np.array([[float(cell) for cell in row[:29]] for row in rows])
-    decoder = decoder_of("vectornav")
+    decoder = make_decoder("vectornav")
     imu = decoded(decoder, capture("vn100_bin_waves_F00294.bin")).imu
     assert len(imu) == 99
     assert decoder.statistics.failed == 0
@@ -170,7 +170,7 @@ def test_any_mix_of_fields_is_walked_to_the_ones_that_are_read():
                     payload += struct.pack("<3f", *special) if special else rng.bytes(size)
         used = {group: fields for group, fields in sorted(chosen.items()) if fields}
         data = message(sum(1 << group for group in used), list(used.values()), payload)
-        (row,) = decoded(decoder_of("vectornav"), data).imu
+        (row,) = decoded(make_decoder("vectornav"), data).imu
         assert tuple(row["force"]) == (1.5, -2.5, -9.75)
         assert tuple(row["rate"]) == (0.25, 0.5, -0.125)
 
@@ -182,7 +182,7 @@ def test_satellites_make_a_message_of_variable_length():
         struct.pack("<6f", 1, 2, 3, 4, 5, 6) + struct.pack("<QB", 300_000_250_000_000, 3) + place + satellites
     )
     fields = 1 << 1 | 1 << 4 | 1 << 5 | 1 << 14
-    found = decoded(decoder_of("vectornav"), message(1 | 8, [1 << 9, fields], payload))
+    found = decoded(make_decoder("vectornav"), message(1 | 8, [1 << 9, fields], payload))
     assert tuple(found.imu["rate"][0]) == (4, 5, 6)
     (fix,) = found.fix
     assert np.degrees((fix["latitude"], fix["longitude"])) == pytest.approx((-45.5, 170.25), abs=1e-12)
@@ -194,25 +194,25 @@ def test_a_fix_that_is_repeated_with_each_sample_counts_once():
         gps = struct.pack("<Q3d", second * 10**9, 48.0, 11.0, 500.0)
         return message(1 | 8, [1 << 9, 1 << 1 | 1 << 5], struct.pack("<6f", 1, 2, 3, 4, 5, 6) + gps)
 
-    found = decoded(decoder_of("vectornav"), b"".join(sample(second) for second in (5, 5, 5, 6, 6)))
+    found = decoded(make_decoder("vectornav"), b"".join(sample(second) for second in (5, 5, 5, 6, 6)))
     assert len(found.imu) == 5
     assert found.fix["week_time"].tolist() == [5.0, 6.0]
 
 
 def test_increments_are_divided_by_their_interval():
     payload = struct.pack("<7f", 0.0125, 0.25, -0.5, 1.0, 0.125, -0.25, 0.5)
-    (row,) = decoded(decoder_of("vectornav"), message(1, [1 << 11], payload)).imu
+    (row,) = decoded(make_decoder("vectornav"), message(1, [1 << 11], payload)).imu
     np.testing.assert_allclose(row["rate"], np.radians((20, -40, 80)), rtol=1e-7)
     np.testing.assert_allclose(row["force"], (10, -20, 40), rtol=1e-7)
     payload = struct.pack("<4f", 0.0, 1, 1, 1) + struct.pack("<3f", 1, 1, 1)
     assert np.isnan(
-        decoded(decoder_of("vectornav"), message(4, [1 << 6 | 1 << 7], payload)).imu["rate"]
+        decoded(make_decoder("vectornav"), message(4, [1 << 6 | 1 << 7], payload)).imu["rate"]
     ).all()
 
 
 def test_axes_out_of_range_are_marked():
     payload = struct.pack("<6fH", 1, 2, 3, 4, 5, 6, 1 << 3 | 1 << 8)  # accelerometer x, gyro z
-    (row,) = decoded(decoder_of("vectornav"), message(4, [1 << 2 | 1 << 3 | 1 << 11], payload)).imu
+    (row,) = decoded(make_decoder("vectornav"), message(4, [1 << 2 | 1 << 3 | 1 << 11], payload)).imu
     assert row["clipped"] == CLIPPED_FORCE | CLIPPED_RATE << 2
 
 
@@ -221,7 +221,7 @@ def test_axes_out_of_range_are_marked():
 )
 def test_what_is_encoded_is_read_again(form, rate, force):
     imu, fix = motion(300), fixes(3)
-    decoder = decoder_of("vectornav")
+    decoder = make_decoder("vectornav")
     sent = VectorNavEncoder().encode(imu, fix) if form == "binary" else lines(form, imu, fix)
     found = decoded(decoder, sent)
     assert decoder.statistics.skipped == decoder.statistics.failed == decoder.statistics.unknown == 0
@@ -240,4 +240,4 @@ def test_what_is_encoded_is_read_again(form, rate, force):
     assert (found.fix["satellites"] == 12).all()
     if form == "binary":
         np.testing.assert_allclose(found.imu["time"], imu["time"], atol=1e-9)
-    assert (np.diff(joined([found]).imu["end"]) > 0).all()
+    assert (np.diff(join_samples([found]).imu["end"]) > 0).all()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from live_streams import decoded
 
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 
 G = 9.80665
 # The maker's formulas: 16 g and 2000 °/s over 32768, hundredths of a degree Celsius.
@@ -23,7 +23,7 @@ PRESSURE = bytes.fromhex(
 def test_an_acceleration_and_the_rate_after_it_are_one_sample():
     time = bytes((0x55, 0x50, 24, 5, 17, 23, 58, 30, 0x2C, 0x01))  # 300 ms
     data = time + bytes((sum(time) & 255,)) + FORCE + RATE + PRESSURE + FORCE + RATE
-    imu = decoded(decoder_of("witmotion"), data).imu
+    imu = decoded(make_decoder("witmotion"), data).imu
     assert len(imu) == 2
     assert imu["force"].tolist() == [pytest.approx([0.0, 0.0, G])] * 2
     assert np.degrees(imu["rate"]).tolist() == [pytest.approx([1000.0, 0.0, -1000.0])] * 2
@@ -34,15 +34,15 @@ def test_an_acceleration_and_the_rate_after_it_are_one_sample():
 
 def test_one_triad_alone_is_a_sample_unless_the_other_was_damaged():
     for alone, missing in ((FORCE, "rate"), (RATE, "force")):
-        imu = decoded(decoder_of("witmotion"), 3 * alone).imu
+        imu = decoded(make_decoder("witmotion"), 3 * alone).imu
         assert len(imu) == 3
         assert np.isnan(imu[missing]).all()
-    assert len(decoded(decoder_of("witmotion"), FORCE + RATE + FORCE + FORCE + RATE + RATE).imu) == 2
+    assert len(decoded(make_decoder("witmotion"), FORCE + RATE + FORCE + FORCE + RATE + RATE).imu) == 2
 
 
 def test_combined_messages_count_if_another_one_follows():
     one = b"\x55\x61" + struct.pack("<9h", 0, 0, 2048, 16_384, 0, -16_384, 0, 8192, -8192)
-    imu = decoded(decoder_of("witmotion"), b"\x55\x61" + 5 * one + b"noise").imu
+    imu = decoded(make_decoder("witmotion"), b"\x55\x61" + 5 * one + b"noise").imu
     assert len(imu) == 4
     assert imu["force"][0] == pytest.approx([0.0, 0.0, G])
     assert imu["rate"][0] == pytest.approx([math.radians(1000), 0.0, -math.radians(1000)])

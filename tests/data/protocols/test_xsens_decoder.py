@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from live_streams import capture, decoded, fixes, hexadecimal, motion
 
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.data.protocols.samples import CLIPPED_FORCE, CLIPPED_RATE
 from lab.data.protocols.xsens import NOMINAL_FIELD, XsensEncoder
 
@@ -50,7 +50,7 @@ def item(kind: int, data: bytes) -> bytes:
 
 
 def test_a_full_message_has_the_values_of_mt_manager():
-    (row,) = decoded(decoder_of("xsens"), FULL).imu
+    (row,) = decoded(make_decoder("xsens"), FULL).imu
     assert (row["count"], row["time"]) == (37261, pytest.approx(2033.2454, abs=1e-9))
     np.testing.assert_allclose(row["force"], (-0.05550629, 9.81465530, 0.21842313), atol=5e-9)
     np.testing.assert_allclose(row["rate"], (0.02131760, -0.00327826, -0.00163019), atol=5e-9)
@@ -61,7 +61,7 @@ def test_a_full_message_has_the_values_of_mt_manager():
 
 
 def test_axes_out_of_range_are_marked():
-    (row,) = decoded(decoder_of("xsens"), SHAKEN).imu
+    (row,) = decoded(make_decoder("xsens"), SHAKEN).imu
     assert row["clipped"] == CLIPPED_FORCE << 2 | CLIPPED_RATE << 1
     np.testing.assert_allclose(row["force"], (-30.28455162, -29.60960007, -71.76024628), atol=5e-9)
     np.testing.assert_allclose(row["rate"], (4.16570139, -10.33340263, -4.51734877), atol=5e-9)
@@ -77,12 +77,12 @@ def test_fixed_point_and_double_numbers_are_read():
         ),
     }
     for precision, (data, values) in fixed.items():
-        (row,) = decoded(decoder_of("xsens"), framed(item(0x4020 | precision, hexadecimal(data)))).imu
+        (row,) = decoded(make_decoder("xsens"), framed(item(0x4020 | precision, hexadecimal(data)))).imu
         assert tuple(row["force"]) == values
     # The captured message has no rate or force: its numbers are read under the names of those.
     payload = FORMATS[4:-1].replace(b"\xc0\x23", b"\x80\x23").replace(b"\x20\x31", b"\x40\x21")
-    assert decoded(decoder_of("xsens"), FORMATS).imu.size == 0
-    (row,) = decoded(decoder_of("xsens"), framed(payload)).imu
+    assert decoded(make_decoder("xsens"), FORMATS).imu.size == 0
+    (row,) = decoded(make_decoder("xsens"), framed(payload)).imu
     np.testing.assert_allclose(
         row["rate"], (0.833747744560242, -0.434182971715927, 1.617681622505188), rtol=1e-15
     )
@@ -101,7 +101,7 @@ def test_increments_are_divided_by_the_interval():
         )
         for time in (1000, 1100)
     )
-    (row,) = decoded(decoder_of("xsens"), first + second).imu
+    (row,) = decoded(make_decoder("xsens"), first + second).imu
     # For small angles the rotation vector is twice the vector of the quaternion: 1e-7 of it off here.
     vector = np.array((-0.000429107808, -0.000302935718, -0.000177090988))
     np.testing.assert_allclose(row["rate"], 2 * vector / 0.01, rtol=2e-7)
@@ -115,8 +115,8 @@ def test_the_slower_form_of_a_sensor_goes_before_the_faster_one():
         )
 
     fast, slow = sample(0x8040, 0x4040, 1.0), sample(0x8020, 0x4020, 2.0)
-    assert decoded(decoder_of("xsens"), fast * 3).imu["rate"][:, 0].tolist() == [1, 1, 1]
-    assert decoded(decoder_of("xsens"), fast + slow + fast * 9 + slow).imu["force"][:, 0].tolist() == [
+    assert decoded(make_decoder("xsens"), fast * 3).imu["rate"][:, 0].tolist() == [1, 1, 1]
+    assert decoded(make_decoder("xsens"), fast + slow + fast * 9 + slow).imu["force"][:, 0].tolist() == [
         1,
         2,
         2,
@@ -143,7 +143,7 @@ def golden(text: str) -> list[dict[str, list[float]]]:
 
 def test_all_captured_messages_have_the_values_of_another_library():
     frames = golden(capture("xsens_mti_einride_1.expected.txt").decode())
-    decoder = decoder_of("xsens")
+    decoder = make_decoder("xsens")
     found = decoded(decoder, capture("xsens_mti_einride_1.bin"))
     sensed = [frame for frame in frames if "Acceleration" in frame]
     located = [frame for frame in frames if "GNSSPVTData" in frame]
@@ -173,7 +173,7 @@ def _same_fixes(rows: np.ndarray, frames: list[dict[str, list[float]]]) -> None:
 
 
 def test_fixed_point_capture_is_the_same_device_still():
-    found = decoded(decoder_of("xsens"), capture("xsens_mti_einride_2.bin"))
+    found = decoded(make_decoder("xsens"), capture("xsens_mti_einride_2.bin"))
     assert (len(found.imu), len(found.fix)) == (96, 4)
     # testdata/2/output.golden, first frame and first fix.
     row, fix = found.imu[0], found.fix[0]
@@ -185,7 +185,7 @@ def test_fixed_point_capture_is_the_same_device_still():
 
 def test_messages_without_rate_and_force_make_no_samples():
     frames = golden(capture("xsens_mti_einride_5.expected.txt").decode())
-    decoder = decoder_of("xsens")
+    decoder = make_decoder("xsens")
     found = decoded(decoder, capture("xsens_mti_einride_5.bin"))
     located = [frame for frame in frames if "GNSSPVTData" in frame]
     assert (len(found.imu), len(found.fix), decoder.statistics.unknown) == (0, len(located), 97)
@@ -193,8 +193,8 @@ def test_messages_without_rate_and_force_make_no_samples():
 
 
 def test_a_sum_that_fits_by_chance_is_not_enough():
-    assert decoded(decoder_of("xsens"), framed(item(0x4020, bytes(12)))).imu.size == 1
-    decoder = decoder_of("xsens")
+    assert decoded(make_decoder("xsens"), framed(item(0x4020, bytes(12)))).imu.size == 1
+    decoder = make_decoder("xsens")
     assert decoded(decoder, framed(item(0x4020, bytes(12)) + b"\x80\x20\x0c\x00")).imu.size == 0
     assert decoder.statistics.failed == 1
 
@@ -225,14 +225,14 @@ def test_numbers_of_each_precision_are_read(precision):
         framed(item(0x4020 | bits, written(row["force"])) + item(0x8020 | bits, written(row["rate"])))
         for row in imu
     )
-    found = decoded(decoder_of("xsens"), data).imu
+    found = decoded(make_decoder("xsens"), data).imu
     for name in ("rate", "force"):
         np.testing.assert_allclose(found[name], imu[name], rtol=0, atol=rounding)
 
 
 def test_what_is_encoded_is_read_again():
     imu, fix = motion(300), fixes(3)
-    decoder = decoder_of("xsens")
+    decoder = make_decoder("xsens")
     found = decoded(decoder, XsensEncoder().encode(imu, fix))
     assert decoder.statistics.skipped == decoder.statistics.failed == 0
     for name in ("rate", "force"):

@@ -9,7 +9,7 @@ import pytest
 from raw_flights import position, raw_of, rounded_positions, weave, without
 from scipy.interpolate import CubicSpline
 
-from lab.data.rebuild.air_data import fit_wind, flown
+from lab.data.rebuild.air_data import fit_wind, integrate_velocity
 from lab.data.rebuild.raw_flight import RawFlight
 from lab.data.rebuild.reconstruction import Reconstruction, reconstruct
 from lab.data.rebuild.time_repair import repair
@@ -161,7 +161,7 @@ def test_an_integral_over_the_ellipsoid_follows_a_parallel_round_the_earth():
 
     speed = rate * (radii(np.sin(latitude))[1] + height) * np.cos(latitude)
     east = np.stack((0 * time, np.full(time.size, speed), 0 * time), axis=-1)
-    way = flown(time, east, np.array([latitude, -2.5, height]))
+    way = integrate_velocity(time, east, np.array([latitude, -2.5, height]))
     true = np.stack((np.full(time.size, latitude), -2.5 + rate * time, np.full(time.size, height)), axis=-1)
     assert np.linalg.norm(ecef.position(way) - ecef.position(true), axis=1).max() < 0.05
 
@@ -170,7 +170,7 @@ def test_a_constant_wind_over_a_long_way():
     time = np.linspace(0, 3600, 3601)
     air = np.stack((np.full(3601, 40.0), 200 + 5 * np.sin(time / 100), 0 * time), axis=-1)
     start = np.array([0.9, 0.3, 8000.0])
-    recorded = flown(time, air + np.array([-20.0, 35.0, 0.0]), start)
+    recorded = integrate_velocity(time, air + np.array([-20.0, 35.0, 0.0]), start)
     wind, found = fit_wind(time, air, recorded)
     np.testing.assert_allclose(wind, (-20, 35, 0), atol=0.01)
     assert np.linalg.norm(ecef.displacement(found[None], start[None])) < 20

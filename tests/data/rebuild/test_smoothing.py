@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_smoothing_spline
 
-from lab.data.rebuild.smoothing import best_smoothing, slope_noise, smoothed, smoothing_spline
+from lab.data.rebuild.smoothing import best_smoothing, evaluate_smoothed, slope_noise, smoothing_spline
 
 
 def noisy(sigma: float, samples: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -20,7 +20,7 @@ def noisy(sigma: float, samples: int = 400) -> tuple[np.ndarray, np.ndarray, np.
 def test_it_is_the_spline_of_scipy(smoothing):
     time, _, values = noisy(0.1)
     expected = make_smoothing_spline(time, values, lam=smoothing)
-    np.testing.assert_allclose(smoothed(time, values, smoothing), expected(time), atol=1e-8)
+    np.testing.assert_allclose(evaluate_smoothed(time, values, smoothing), expected(time), atol=1e-8)
     between = np.linspace(time[0], time[-1], 1000)
     curve = smoothing_spline(time, values, smoothing)
     np.testing.assert_allclose(curve(between, 2), expected(between, 2), atol=1e-5)
@@ -28,31 +28,31 @@ def test_it_is_the_spline_of_scipy(smoothing):
 
 def test_no_smoothing_keeps_every_sample():
     time, _, values = noisy(0.1)
-    np.testing.assert_array_equal(smoothed(time, values, 0.0), values)
+    np.testing.assert_array_equal(evaluate_smoothed(time, values, 0.0), values)
 
 
 def test_a_line_stays_a_line():
     time = np.cumsum(np.random.default_rng(1).uniform(0.01, 1, 50))
     line = np.stack((3 - 2 * time, time), axis=-1)
-    np.testing.assert_allclose(smoothed(time, line, 7.0), line, atol=1e-9)
+    np.testing.assert_allclose(evaluate_smoothed(time, line, 7.0), line, atol=1e-9)
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.1, 0.5])
 def test_the_best_smoothing_is_nearly_as_good_as_knowing_the_truth(sigma):
     time, true, values = noisy(sigma, 1500)
     errors = {
-        smoothing: np.sqrt(np.mean((smoothed(time, values, smoothing) - true) ** 2))
+        smoothing: np.sqrt(np.mean((evaluate_smoothed(time, values, smoothing) - true) ** 2))
         for smoothing in np.geomspace(1e-6, 1e4, 60)
     }
     chosen = best_smoothing(time, values)
-    error = np.sqrt(np.mean((smoothed(time, values, chosen) - true) ** 2))
+    error = np.sqrt(np.mean((evaluate_smoothed(time, values, chosen) - true) ** 2))
     assert error < 1.1 * min(errors.values())
     assert error < 0.5 * sigma
 
 
 def test_exact_samples_are_left_alone():
     time, true, _ = noisy(0.0)
-    curve = smoothed(time, true, best_smoothing(time, true))
+    curve = evaluate_smoothed(time, true, best_smoothing(time, true))
     assert np.abs(curve - true).max() < 1e-5
 
 

@@ -12,7 +12,7 @@ from lab.data.formats import read_raw
 from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sensor_csv import recognises
 from lab.data.sheets.sheet import read_sheet
-from lab.data.sheets.sheet_clock import clock_of
+from lab.data.sheets.sheet_clock import find_clock
 from lab.missions.flight_import import read_log
 
 
@@ -159,7 +159,7 @@ def test_the_rate_of_samples_above_a_header_times_a_table_without_times(tmp_path
         assert recognises(text[:4000]), above
         sheet = read_sheet("imu.txt", text)
         expected = (imu[:, 0] if counter else np.arange(len(imu)) / 100) + first / 100
-        np.testing.assert_allclose(clock_of(sheet, fast=True).time, expected, atol=1e-6, err_msg=above)
+        np.testing.assert_allclose(find_clock(sheet, fast=True).time, expected, atol=1e-6, err_msg=above)
     path = tmp_path / "imu.txt"
     path.write_bytes(text)
     gnss = made.gnss[:, :6] - [since - first / 100, *(0.0,) * 5]

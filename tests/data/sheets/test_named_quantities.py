@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.data.formats import read_raw
 from lab.data.sheets.sensor_csv import read, sheets_of
-from lab.data.sheets.sheet_fixes import fixes_of
+from lab.data.sheets.sheet_fixes import find_fixes
 from lab.missions import MissionError, prepare_import
 
 GRAVITY = 9.80665
@@ -291,23 +291,23 @@ def test_accuracies_share_the_unit_of_what_they_are_of(
         **{name: np.full(len(flown.time), np.rint(size * factor / 1e3))
            for name, size in zip(accuracies, (1515.0, 1500.0, 100.0), strict=True)},
     }  # fmt: skip
-    gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
+    gnss = find_fixes(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.position_sigma[5], [1.0, 1.0, 1.5], rtol=4e-3)  # 152 cm
     np.testing.assert_allclose(gnss.velocity_sigma[5], 0.1, rtol=1e-6)  # of what is measured, down too
     del columns[velocities[2]]
-    gnss = fixes_of(sheets_of([flown.write(tmp_path / "level.csv", columns)], {})).gnss
+    gnss = find_fixes(sheets_of([flown.write(tmp_path / "level.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.velocity_sigma[5], [0.1, 0.1, np.nan], rtol=1e-6)
 
 
 def test_a_sigma_of_hundreds_of_metres_beside_fixes_that_agree_is_in_another_unit(tmp_path):
     flown = Flight()
     columns = flown.placed(names=("lat", "lon", "alt_m")) | {"hAcc": np.full(len(flown.time), 1515.0)}
-    gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
+    gnss = find_fixes(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.position_sigma[:, 0], 1.0, rtol=1e-6)
     rng = np.random.default_rng(1)  # of a network: 800 m, and it is as bad as it says
     for name, size in (("lat", 1e-5), ("lon", 1e-5)):
         columns[name] = columns[name] + 500 * size * rng.standard_normal(len(flown.time))
-    gnss = fixes_of(sheets_of([flown.write(tmp_path / "b.csv", columns)], {})).gnss
+    gnss = find_fixes(sheets_of([flown.write(tmp_path / "b.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.position_sigma[:, 0], 1000.0, rtol=1e-6)
 
 
@@ -345,7 +345,7 @@ def test_accuracies_in_metres_beside_heights_in_mm_stay_metres(tmp_path):
         "height [mm]": np.rint(height * 1e3), "hAcc": 1.5 + 0.1 * np.sin(flown.time),
         "vAcc": np.full(len(height), 2.0),
     }  # fmt: skip
-    gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
+    gnss = find_fixes(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.position_sigma[:, 0], columns["hAcc"] / 1.515, rtol=1e-6)
     np.testing.assert_allclose(gnss.position_sigma[:, 2], 2.0, rtol=1e-6)
 
@@ -356,7 +356,7 @@ def test_one_accuracy_that_names_its_unit_names_that_of_the_others(tmp_path):
     columns = flown.placed(names=("lat", "lon", "alt_m")) | {
         "hAcc [mm]": np.full(size, 1515.0), "vAcc": np.full(size, 1500.0), "sAcc [mm/s]": np.full(size, 80.0),
     }  # fmt: skip
-    gnss = fixes_of(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
+    gnss = find_fixes(sheets_of([flown.write(tmp_path / "a.csv", columns)], {})).gnss
     np.testing.assert_allclose(gnss.position_sigma[5], [1.0, 1.0, 1.5], rtol=1e-6)
     np.testing.assert_allclose(gnss.velocity_sigma[5, 0], 0.08, rtol=1e-6)
 

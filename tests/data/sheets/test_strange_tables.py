@@ -12,7 +12,7 @@ from lab.data.clock.stamps import seconds_of_texts
 from lab.data.formats import read_raw
 from lab.data.sheets.column_names import heading_of
 from lab.data.sheets.sheet_cells import numbers_of_cells
-from lab.data.sheets.sheet_layout import layout_of
+from lab.data.sheets.sheet_layout import find_layout
 from lab.missions.flight_import import read_log
 
 AT = np.arange(1.0, 99.0, 0.5)
@@ -75,15 +75,15 @@ def test_a_heading_does_not_say(text):
 
 
 def test_sensors_may_be_counted():
-    known = layout_of(b"Time,lat,altitude1,altitude2,altitude3\n", "a.csv").known
+    known = find_layout(b"Time,lat,altitude1,altitude2,altitude3\n", "a.csv").known
     assert [one.key for one in known[2:]] == ["height"] * 3
 
 
 @pytest.mark.parametrize("heads", ["Acceleration_1,Acceleration_2,Acceleration_3", "acc1,acc2,acc3"])
 def test_vectors_may_be_counted_from_one(heads):
-    known = layout_of(f"Time,{heads}\n".encode(), "a.csv").known
+    known = find_layout(f"Time,{heads}\n".encode(), "a.csv").known
     assert [one.key for one in known[1:]] == ["force_x", "force_y", "force_z"]
-    known = layout_of(b"Time,acc_0,acc_1,acc_2,acc_3\n", "a.csv").known
+    known = find_layout(b"Time,acc_0,acc_1,acc_2,acc_3\n", "a.csv").known
     assert [one.key for one in known[1:4]] == ["force_x", "force_y", "force_z"]
 
 

@@ -8,7 +8,7 @@ from live_streams import RATE, fixes, motion
 from writers import WRITERS
 
 from lab.data.protocols.catalogue import ENCODERS
-from lab.data.streams.capture import holds_samples, records_of
+from lab.data.streams.capture import holds_samples, iterate_records
 from lab.data.streams.raw_recording import DATA, RecordingError
 from lab.data.streams.recorded_log import device_log, log_of_recording, recorded_samples
 from lab.data.streams.transport import TransportError
@@ -96,7 +96,7 @@ def test_a_clock_that_was_set_back_goes_on(tmp_path):
 def test_no_byte_is_lost(capture):
     path = capture("vectornav")
     path.write_bytes(b"noise before" + path.read_bytes() + b"noise behind")
-    found = list(records_of(path))
+    found = list(iterate_records(path))
     assert b"".join(chunk.data for _, chunk in found) == path.read_bytes()
     assert {kind for kind, _ in found} == {DATA}
     assert (np.diff([chunk.arrival for _, chunk in found]) >= 0).all()

@@ -121,7 +121,7 @@ def test_a_full_disk_is_told_and_what_was_written_stays(tmp_path: Path) -> None:
     writer = RawWriter(tmp_path / "full.inslab", {})
     for chunk in CHUNKS[:200]:
         writer.accept(chunk)
-    writer._settle()
+    writer._flush_file()
     # From here on the disk is full.
     full = os.open("/dev/full", os.O_WRONLY)
     assert writer._file is not None

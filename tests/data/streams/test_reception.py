@@ -18,7 +18,7 @@ from lab.data.protocols.samples import FIX, IMU, Samples
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.imu_clock import nominal_rate
 from lab.data.streams.reception import Reception
-from lab.data.streams.recorded_log import reception_of
+from lab.data.streams.recorded_log import make_reception
 from lab.data.streams.transport import Chunk
 
 HOST = 5000.0
@@ -182,7 +182,7 @@ def test_a_recording_that_begins_later_changes_the_rate_as_the_stream_did(begin:
     reception = Reception(columns=RATES_OF_TEXT)
     received_before = [reception.accept(chunk)[0] for chunk in first]
     assert sum(map(len, received_before)) > 200 * (begin > 2.5)
-    goes_on = reception_of(json.loads(json.dumps(reception.header)))
+    goes_on = make_reception(json.loads(json.dumps(reception.header)))
     goes_on.accept(Chunk(first[-1].arrival, b"\n"))  # the lines that follow are whole
     for chunk in stream[len(first) :]:
         assert goes_on.accept(chunk)[0]["time"].tobytes() == reception.accept(chunk)[0]["time"].tobytes()

@@ -15,11 +15,11 @@ from lab.data.streams.raw_recording import SUFFIX
 from lab.data.streams.unfinished import (
     RUNS,
     UnfinishedRecordings,
-    bring_back,
     discard,
-    hold,
+    hold_recording,
     mark,
     release,
+    restore_recording,
     unmark,
 )
 
@@ -61,11 +61,11 @@ def test_a_folder_is_read_again_only_when_it_changed(tmp_path: Path, reads: list
     before = first.read_bytes()
     deleted = discard(first)
     assert kept.found(tmp_path) == [second]
-    bring_back(deleted, first)
+    restore_recording(deleted, first)
     assert set(kept.found(tmp_path)) == {first, second}
     assert first.read_bytes() == before
     with pytest.raises(MissionError, match="gone"):
-        bring_back(deleted, first)
+        restore_recording(deleted, first)
 
 
 def test_a_recording_is_offered_when_its_last_bytes_are_old_without_a_change_of_the_folder(
@@ -102,17 +102,17 @@ def test_a_folder_that_is_not_there_has_none(tmp_path: Path) -> None:
 
 def test_a_recording_of_which_a_mission_is_made_is_neither_offered_nor_discarded(tmp_path: Path) -> None:
     kept, path = UnfinishedRecordings(), begun(tmp_path, "drive")
-    assert hold(path)
-    assert not hold(path)  # another page
+    assert hold_recording(path)
+    assert not hold_recording(path)  # another page
     assert not kept.found(tmp_path)
     with pytest.raises(OSError, match="mission"):
         discard(path)
     assert path.exists()
     release(path)  # its maker failed
     assert kept.found(tmp_path) == [path]
-    assert hold(path)
+    assert hold_recording(path)
     unmark(path)
-    assert not hold(path)  # a mission was made of it: nobody makes a second one
+    assert not hold_recording(path)  # a mission was made of it: nobody makes a second one
     with pytest.raises(OSError, match="mission"):
         discard(path)
     assert path.exists()

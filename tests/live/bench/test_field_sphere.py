@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.live.bench.field_sphere import FEWEST, sphere_of
+from lab.live.bench.field_sphere import FEWEST, fit_sphere
 
 IRON = np.array([12e-6, -30e-6, 7e-6])
 """Hard iron [T]."""
@@ -24,7 +24,7 @@ def turned(count: int, lowest: float = -1.0, seed: int = 1) -> np.ndarray:
 
 @pytest.mark.parametrize("lowest", [-1.0, 0.0, 0.4])
 def test_the_centre_is_the_hard_iron(lowest: float) -> None:
-    found = sphere_of(turned(2000, lowest))
+    found = fit_sphere(turned(2000, lowest))
     assert found is not None
     np.testing.assert_allclose(found.centre, IRON, atol=0.1 * NOISE if lowest < 0 else 2 * NOISE)
     assert found.radius == pytest.approx(FIELD, abs=NOISE if lowest <= 0 else 2 * NOISE)
@@ -34,7 +34,7 @@ def test_the_centre_is_the_hard_iron(lowest: float) -> None:
 
 
 def test_soft_iron_is_seen_as_scatter() -> None:
-    found = sphere_of((turned(2000) - IRON) * (1.1, 1.0, 0.9))
+    found = fit_sphere((turned(2000) - IRON) * (1.1, 1.0, 0.9))
     assert found is not None
     assert found.scatter > 5 * NOISE
 
@@ -42,6 +42,6 @@ def test_soft_iron_is_seen_as_scatter() -> None:
 def test_points_near_a_plane_and_few_points_show_no_sphere() -> None:
     flat = turned(500)
     flat[:, 2] = IRON[2] + NOISE * np.random.default_rng(2).standard_normal(500)
-    assert sphere_of(flat) is None
-    assert sphere_of(turned(FEWEST - 1)) is None
-    assert sphere_of(np.tile(IRON, (100, 1))) is None  # a device at rest without noise
+    assert fit_sphere(flat) is None
+    assert fit_sphere(turned(FEWEST - 1)) is None
+    assert fit_sphere(np.tile(IRON, (100, 1))) is None  # a device at rest without noise

@@ -14,9 +14,9 @@ from lab.live.beside.live_algorithm import (
     FixPiece,
     LiveAlgorithmError,
     Piece,
+    cut_pieces,
     load_live_algorithm,
-    pieces_of,
-    stepped,
+    step_algorithm,
 )
 
 
@@ -42,7 +42,7 @@ def test_pieces_hold_each_sample_and_each_fix_once_and_in_order(
 ) -> None:
     rows = imu(7.0 + np.cumsum(steps))
     given_fixes = fixes(sorted(7.0 + one for one in times))
-    pieces = pieces_of(rows, given_fixes, 7.0, longest)
+    pieces = cut_pieces(rows, given_fixes, 7.0, longest)
     assert np.array_equal(np.concatenate([one.imu.time for one in pieces]), rows["time"])
     assert np.array_equal(np.concatenate([one.imu.rate for one in pieces]), rows["rate"])
     assert np.array_equal(np.concatenate([one.fixes.time for one in pieces]), given_fixes.time)
@@ -55,9 +55,9 @@ def test_pieces_hold_each_sample_and_each_fix_once_and_in_order(
 
 
 def test_the_first_sample_of_a_stream_has_the_usual_step() -> None:
-    (piece,) = pieces_of(imu(np.array([5.0, 5.01, 5.02])), fixes([]), np.nan, 1.0)
+    (piece,) = cut_pieces(imu(np.array([5.0, 5.01, 5.02])), fixes([]), np.nan, 1.0)
     assert piece.imu.dt == pytest.approx([0.01, 0.01, 0.01])
-    assert pieces_of(imu(np.zeros(0)), fixes([1.0]), np.nan, 1.0) == []
+    assert cut_pieces(imu(np.zeros(0)), fixes([1.0]), np.nan, 1.0) == []
 
 
 class Returns:
@@ -73,15 +73,15 @@ class Returns:
         return self.what
 
 
-PIECE: Piece = pieces_of(imu(np.array([1.0, 2.0])), fixes([]), 0.0, 5.0)[0]
+PIECE: Piece = cut_pieces(imu(np.array([1.0, 2.0])), fixes([]), 0.0, 5.0)[0]
 
 
 @pytest.mark.parametrize("what", [[1, 0, 0, 0], np.float32([[1, 0, 0, 0], [0.6, 0.8, 0, 0]])])
 def test_attitudes_after_the_last_sample_or_after_each_are_accepted(what: object) -> None:
-    found = stepped(Returns(what), "Mine", PIECE)
+    found = step_algorithm(Returns(what), "Mine", PIECE)
     assert np.linalg.norm(found, axis=1) == pytest.approx(1.0, abs=1e-12)
     assert found == pytest.approx(np.reshape(what, (-1, 4)), abs=1e-6)
-    assert stepped(Returns(None), "Mine", PIECE).shape == (0, 4)
+    assert step_algorithm(Returns(None), "Mine", PIECE).shape == (0, 4)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_attitudes_after_the_last_sample_or_after_each_are_accepted(what: object
 )
 def test_anything_else_is_refused_under_the_name_of_the_algorithm(what: object, words: str) -> None:
     with pytest.raises(LiveAlgorithmError, match=r"^Mine: ") as refusal:
-        stepped(Returns(what), "Mine", PIECE)
+        step_algorithm(Returns(what), "Mine", PIECE)
     assert refusal.match(words)
 
 

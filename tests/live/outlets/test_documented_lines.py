@@ -8,7 +8,7 @@ from pathlib import Path
 from sent_solutions import solution
 
 from lab.data.protocols.foxglove import CHANNELS
-from lab.data.protocols.nmea_encoder import sentences_of
+from lab.data.protocols.nmea_encoder import encode_sentences
 from lab.data.protocols.sent_solution import json_line
 
 DOCUMENT = (Path(__file__).parents[3] / "docs" / "streams-out.md").read_text("utf-8")
@@ -25,7 +25,7 @@ def test_the_object_is_the_one_that_is_sent() -> None:
 
 
 def test_the_sentences_are_those_that_are_sent() -> None:
-    assert block("text") == sentences_of(solution()).decode().replace("\r\n", "\n")
+    assert block("text") == encode_sentences(solution()).decode().replace("\r\n", "\n")
 
 
 def test_the_channels_are_those_that_are_offered() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from sent_solutions import solution
 
-from lab.data.protocols.foxglove import CHANNELS, messages_of, stamp_of
+from lab.data.protocols.foxglove import CHANNELS, make_messages, time_stamp
 from lab.live.outlets.mcap_file import MAGIC, McapFile
 
 
@@ -20,7 +20,7 @@ def written(path: Path, rows: int) -> bytes:
     file = McapFile(path)
     for number in range(rows):
         one = solution(unix=1_767_312_016.0 + 0.02 * number, fixes_used=number)
-        file.write(stamp_of(one), messages_of(one))
+        file.write(time_stamp(one), make_messages(one))
     file.close()
     file.close()  # may be repeated
     return path.read_bytes()
@@ -86,7 +86,7 @@ def test_what_was_written_before_a_crash_is_read(tmp_path: Path) -> None:
     file = McapFile(tmp_path / "cut.mcap")
     for number in range(130):
         one = solution(unix=1_767_312_016.0 + 0.02 * number)
-        file.write(stamp_of(one), messages_of(one))
+        file.write(time_stamp(one), make_messages(one))
     data = (tmp_path / "cut.mcap").read_bytes()  # of what has reached the disk
     file.close()
     reader = pytest.importorskip("mcap.reader", reason="mcap is not installed")
@@ -102,7 +102,7 @@ def test_a_clock_that_is_set_back_ends_a_chunk(tmp_path: Path) -> None:
     file = McapFile(tmp_path / "a.mcap")
     for unix in (1_767_312_016.0, 1_767_312_016.5, 1_767_312_000.0, 1_767_312_000.5):
         one = solution(unix=unix)
-        file.write(stamp_of(one), messages_of(one))
+        file.write(time_stamp(one), make_messages(one))
     file.close()
     data = (tmp_path / "a.mcap").read_bytes()
     assert [opcode for opcode, _, _ in records(data)].count(0x06) == 2

@@ -16,7 +16,7 @@ from played_phone import Played, ask, batch
 
 from lab.data.streams.transport import TransportError
 from lab.live.phone import certificate as certificate_module
-from lab.live.phone.certificate import certificate_file, names_of
+from lab.live.phone.certificate import certificate_file, read_certified_names
 from lab.live.phone.hub import PhoneHub
 from lab.live.phone.invitation import in_address, own_addresses
 from lab.live.phone.server import PhoneServer
@@ -64,19 +64,19 @@ def test_it_is_kept_while_it_fits(tmp_path):
     assert certificate_file(NAMES[:1], tmp_path).read_bytes() == first
     other = certificate_file(["10.0.0.7"], tmp_path).read_bytes()
     assert other != first
-    assert names_of(tmp_path / "phone-server.pem") == {"10.0.0.7", *NAMES}
+    assert read_certified_names(tmp_path / "phone-server.pem") == {"10.0.0.7", *NAMES}
     assert certificate_file(NAMES, tmp_path).read_bytes() == other
 
 
 def test_it_does_not_grow_for_ever(tmp_path):
     for number in range(50):
         path = certificate_file([f"10.0.0.{number}", "localhost"], tmp_path)
-    names = names_of(path)
+    names = read_certified_names(path)
     assert names is not None
     assert {"10.0.0.49", "localhost"} <= names
     assert len(names) == 32
     many = [f"10.0.{number}.1" for number in range(40)]
-    assert names_of(certificate_file(many, tmp_path)) == set(many)
+    assert read_certified_names(certificate_file(many, tmp_path)) == set(many)
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_a_damaged_file_is_made_anew(tmp_path, damage):
         "text": "not a certificate",
     }
     path.write_text(damaged[damage])
-    assert names_of(path) is None
+    assert read_certified_names(path) is None
     with PhoneServer(PhoneHub(), folder=tmp_path) as server:
         assert Played(server).post(batch(0)).status == 200
     assert path.read_text() != damaged[damage]
@@ -163,4 +163,4 @@ def test_all_networks(tmp_path, monkeypatch):
         invitation = server.invitation(server.hub.invite())
         assert invitation.address.startswith(f"https://192.0.2.77:{server.port}/phone/")
         assert invitation.problem == ""
-        assert names_of(tmp_path / "phone-server.pem") == {"192.0.2.77", "127.0.0.1", "localhost"}
+        assert read_certified_names(tmp_path / "phone-server.pem") == {"192.0.2.77", "127.0.0.1", "localhost"}

@@ -16,7 +16,7 @@ from lab.data.protocols.phone import PhoneDecoder
 from lab.data.streams.sensor_server import SensorServerTransport
 from lab.data.streams.transport import Transport, TransportError
 from lab.live.phone.hub import MOST, PhoneHub
-from lab.live.phone.page_request import page_request_of
+from lab.live.phone.page_request import parse_page_request
 from lab.live.phone.phone import Phone
 
 
@@ -30,7 +30,7 @@ def invited(hub: PhoneHub) -> tuple[int, Phone]:
 
 def send(hub: PhoneHub, phone: Phone, *numbers: int, **others) -> int:
     """Send batches as the server does; return the status."""
-    posted = page_request_of(request([batch(number) for number in numbers], **others))
+    posted = parse_page_request(request([batch(number) for number in numbers], **others))
     assert posted is not None
     assert hub.claim(phone, posted.device, posted.name)
     return phone.take_page_request(posted).status
@@ -168,7 +168,7 @@ def test_heights_and_velocities_of_fixes():
     still = [2000.0, 1.7e12, 45.0, 7.0, None, 10.0, None, 0.0, None]
     unknown = [3000.0, 1.7e12, 45.0, 7.0, None, 10.0, None, None, None]
     for apple in (False, True):
-        posted = page_request_of(request([batch(0, 0, fix=[fix, still, unknown])], apple=apple))
+        posted = parse_page_request(request([batch(0, 0, fix=[fix, still, unknown])], apple=apple))
         assert posted is not None
         found = decoded(PhoneDecoder(), posted.batches[0].written()).fix
         assert found["sea_level"].tolist() == [apple] * 3

@@ -11,7 +11,7 @@ import pytest
 from scripted_source import until
 
 import lab.live
-from lab.data.protocols.catalogue import decoder_of
+from lab.data.protocols.catalogue import make_decoder
 from lab.live.simulated import simulated_device
 from lab.live.simulated.simulated_device import SimulatedDevice
 from lab.live.simulated.simulated_flight import REST, SimulatedFlight
@@ -47,7 +47,7 @@ class Narrow:
 
 
 def assert_all_came(data: bytes, flight: SimulatedFlight) -> None:
-    found = decoder_of("vectornav").feed(data)
+    found = make_decoder("vectornav").feed(data)
     np.testing.assert_allclose(found.imu["time"], flight.imu["time"], atol=2e-9)
     np.testing.assert_allclose(found.imu["rate"], flight.imu["rate"], atol=1e-6)
 
@@ -100,7 +100,7 @@ def test_what_nobody_reads_is_gone_and_counted(flight, monkeypatch):
         until(lambda: device.refused > before)
         host, port = device.address.removeprefix("tcp:").split(":")
         with socket.create_connection((host, int(port))) as client:
-            found = decoder_of("vectornav").feed(client.recv(4096, socket.MSG_WAITALL))
+            found = make_decoder("vectornav").feed(client.recv(4096, socket.MSG_WAITALL))
     assert found.imu["time"][0] > 0.3  # nothing from before
 
 
@@ -110,7 +110,7 @@ def test_an_endless_flight_begins_again_while_time_goes_on():
     with device:
         until(lambda: device.sent > 310)
         assert not device.finished
-    found = decoder_of("vectornav").feed(bytes(line.taken))
+    found = make_decoder("vectornav").feed(bytes(line.taken))
     assert len(found.imu) > 310
     np.testing.assert_allclose(found.imu["time"], 0.01 * np.arange(1, len(found.imu) + 1), atol=2e-9)
     np.testing.assert_array_equal(found.imu["rate"][100:200], found.imu["rate"][:100])

@@ -14,7 +14,7 @@ from xplane_simulator import STEP, montreal, packets
 from lab import Experiment
 from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import ENCODERS
-from lab.data.protocols.samples import Samples, joined
+from lab.data.protocols.samples import Samples, join_samples
 from lab.data.protocols.xplane import REFERENCES
 from lab.data.streams.axis_map import AxisMap
 from lab.data.streams.reception import Reception
@@ -51,7 +51,7 @@ def sent() -> list[tuple[float, bytes, bytes]]:
 
 def rows(flight: XPlaneFlight, sensed: list[Sensed]) -> Samples:
     """Return what a device sends."""
-    return joined(
+    return join_samples(
         [
             Samples(
                 imu_rows(

@@ -65,7 +65,7 @@ def test_what_is_turned_over_the_pole_is_the_same_vector(one: float, other: floa
     """At the pole itself every direction is south, and the longitude says which."""
     here, there = np.array([[np.pi / 2, one]]), np.array([[np.pi / 2, other]])
     vector = np.array([[np.cos(course), np.sin(course), 0.5]])
-    turned = ecef.resolved(vector, here, there)[0]
+    turned = ecef.resolve_elsewhere(vector, here, there)[0]
     # Seen along the longitude, north is the longitude's opposite: a turn of the longitude turns it all.
     turn = other - one
     expected = [np.cos(course + turn), np.sin(course + turn), 0.5]

@@ -15,7 +15,7 @@ from lab import Experiment, Result, export_track
 from lab.data.formats import read_raw
 from lab.missions import MissionError, mission, read_flight_csv
 from lab.motion.frames.rotation import wrap
-from lab.views.export import tracks_of
+from lab.views.export import make_tracks
 from lab.views.export.kml import MAX_FIXES, MAX_POINTS
 from lab.views.export.tracks import HEIGHTS, Track, Tracks
 
@@ -160,7 +160,7 @@ def test_long_flights_are_thinned_and_the_date_line_is_crossed(tmp_path):
     root = etree.parse(tmp_path / "long.kml").getroot()
     assert len(root.findall(f".//{KML}Point")) <= MAX_FIXES
     assert len(gpxpy.parse(gpx.text(both)).tracks[0].segments[0].points) == 8_001
-    assert tracks_of(mission("montreal")).known[0].name == "Flight"
+    assert make_tracks(mission("montreal")).known[0].name == "Flight"
 
 
 def test_what_cannot_be_written_is_refused(tmp_path):
