@@ -175,4 +175,4 @@ def test_a_temperature_that_is_called_t_is_no_time():
     warmth = 27.8 + 0.1 * (rng.random(600) < 0.3)
     rows = "".join(f"{2314 + 23 * i},0,0,9.8,0.1,0.2,0.1,{t:.2f}\n" for i, t in enumerate(warmth))
     sheet = read_sheet("log.txt", f"f,ax,ay,az,gx,gy,gz,t\n{rows}".encode())
-    assert clock_of(sheet, fast=True) is None
+    assert find_clock(sheet, fast=True) is None
