@@ -125,6 +125,8 @@ class HistoryBar(JSComponent):
         """Do what was asked since the last time: several wishes may arrive at once."""
         for wish in event.new:
             match wish:
+                # The browser sends its last wishes again with each new one; anything of another form is from
+                # no page of ours.
                 case [int(count), str(what), int(number)] if count > self._heard:
                     self._heard = count
                     for act in self._acts:
@@ -262,6 +264,7 @@ class Address:
         if not self._waits:
             self._waits = True
             of_late = [one for one in self._updates if time.monotonic() - one < OF_LATE]
+            # Browsers refuse addresses that change too often: a slider makes tens of updates a second.
             due = SOON if len(of_late) < AT_ONCE else PERIOD
             self._document.add_timeout_callback(self._write, due)
 
@@ -293,6 +296,7 @@ class Address:
             return
         if what == "undo":
             self._undos += 1
+            # Nothing of this page is left to undo: the browser goes back to what it showed before.
             self._beyond += self._history.position == 0
         state = self._history.visit(steps[what])
         if state is not None:
@@ -306,11 +310,13 @@ class Address:
         gone = mission not in missions() and not self._is_back(mission)
         if gone:
             experiment.mission = self._session.experiment.mission
+        # What the restored state changes in the session is not recorded as a new change.
         self._walking = True
         try:
             self._shown.restore(state, experiment)
         finally:
             self._walking = False
+        # The notes belong to the mission: those of one that is gone stay away.
         if not gone:
             self.notes.bring(state.notes)
         self._history.amend(self.state())

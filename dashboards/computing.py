@@ -130,6 +130,7 @@ class LatestWins(Generic[T]):
         """Work on an item as soon as the current work has ended."""
         with self._lock:
             self._waiting = thing
+            # A thread that works takes this item by itself when it has ended.
             if self._running or self._closed:
                 return
             self._running = True
@@ -147,6 +148,7 @@ class LatestWins(Generic[T]):
 
     def _next(self) -> None:
         with self._lock:
+            # One step under the lock: between reading and clearing, an item could be submitted and lost.
             thing, self._waiting, self._cancelled = self._waiting, None, False
             if thing is None or self._closed:
                 self._running = False
@@ -161,6 +163,7 @@ class LatestWins(Generic[T]):
         return not self.is_seen and any(one.is_seen and one._pool is self._pool for one in list(_in_line))
 
     def _run(self, thing: T) -> None:
+        # It no longer waits for a thread, so it is none that others must yield to.
         _in_line.discard(self)
         try:
             outcome = None if self._must_yield else self._work(thing, self._progress)
@@ -169,6 +172,8 @@ class LatestWins(Generic[T]):
         with self._lock:
             if outcome is None and self._waiting is None and not self._cancelled:  # it yields
                 self._waiting = thing
+            # Read under the lock, used outside: `deliver` may take long, and may submit the next item
+            # itself.
             closed = self._closed
         if outcome is not None and not closed:
             self._turn(partial(self._deliver, thing, outcome))

@@ -56,6 +56,7 @@ function keep() {
     // a page that comes back has its address only
   }
 }
+// Neither `unload` nor `beforeunload` comes on a phone that puts the page away.
 window.addEventListener("pagehide", keep)
 
 function bring() {
@@ -69,6 +70,7 @@ const url = (search) => window.location.pathname + search + window.location.hash
 // The server hears several wishes at once, or one after the other, in their order.
 function ask(what, position) {
   const [last] = model.asked.at(-1) ?? [0]
+  // The server may not have heard the wishes before: a newer value of a property replaces one that is on its way.
   model.asked = [...model.asked.slice(1 - KEPT), [last + 1, what, position]]
 }
 
@@ -93,6 +95,7 @@ function follow() {
   waiting = []
   const {position, search, redone} = model.shown
   const covers = SHEET.test(search)
+  // The page moved in its history, so the browser goes to that entry; nothing is written until it is there.
   if (position !== here || (over && !covers)) {
     const back = over ? 1 : 0
     over = false
@@ -125,6 +128,7 @@ function leave() {
   if (beyond > 0 && older) {
     beyond -= 1
     leaves = "going"
+    // Without an entry to go back to, the browser says nothing: the page goes on where it is.
     timer = setTimeout(() => { leaves = ""; follow() }, WAIT)
     window.history.back()
   } else if (model === null || model.shown.undos === undos) {
@@ -152,6 +156,7 @@ window.addEventListener("popstate", ({state}) => {
     ;({older} = state)
     leaves = ""
     goal = null
+    // Back from the sheet to the state under it: the server closes the sheet.
     if (over && state.position === here) ask("close", 0)
     over = Boolean(state.over)
     here = state.position
@@ -240,6 +245,7 @@ export function render(props) {
     const leads_back = position === 0 && !undone && older
     name(back, "Undo", leads_back ? "the last change before the reload" : undone, "Ctrl+Z")
     name(forth, "Redo", redone, "Ctrl+Shift+Z")
+    // Panel tells of each property by itself; a message of the server has a new count.
     if (count === seen) return
     seen = count
     waiting.push(...pushed)

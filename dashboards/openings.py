@@ -90,6 +90,7 @@ class Openings(Handler):
             if isinstance(handler, cls):
                 return handler
         made = cls()
+        # A plain reference would keep the application, and all its sessions, for good.
         made._context = ref(context)
         context.application.add(made)
         return made
@@ -149,6 +150,8 @@ class Openings(Handler):
         async def search() -> None:
             left = [ref(root) for root in roots]
             await garbage.collect_from(roots)
+            # A thread, or a callback that waits, may still hold the page: it is tried again, later each
+            # time.
             if any(root() is not None for root in left):
                 asyncio.get_running_loop().call_later(wait, self._search_again, left, 2 * wait)
                 self._search_all()  # what is in use may be so by garbage only
@@ -162,6 +165,7 @@ class Openings(Handler):
     def _is_much(self) -> bool:
         """Whether the process has taken much memory since the last full collection, or since it had least."""
         now = resident()
+        # Memory that was given back in between is room for more.
         self._taken = min(self._taken, now)
         return now - self._taken > MUCH
 
@@ -211,9 +215,12 @@ class Openings(Handler):
     async def _give_turns(self) -> bool:
         """Give all turns; return whether an ended page was among them."""
         searched = False
+        # Pages that open go first; only when none waits are ended ones searched.
         while turns := self._waiting or self._ended:
             searched = searched or turns is self._ended
+            # A step that hangs keeps its page alone from opening, not all that wait behind it.
             await asyncio.wait({turns.popleft()()}, timeout=LONGEST)
+            # Between two turns, the loop answers what open pages have asked.
             await asyncio.sleep(PAUSE)
             self._note_models()
             garbage.freeze_objects()

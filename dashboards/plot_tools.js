@@ -60,6 +60,7 @@ function follow_finger(view) {
   const {events_el} = view.canvas
   let from = null
   const fingers = new Set()
+  // A browser reads `touch-action` when a finger comes down, so it always follows the stretch that is shown.
   const touch = () => {
     const [first, last] = x_range.computed_bounds ?? x_range.bounds ?? [-Infinity, Infinity]
     const is_part = x_range.start > first || x_range.end < last
@@ -70,6 +71,7 @@ function follow_finger(view) {
   touch()
   view.el.addEventListener("pointerdown", ({pointerType, pointerId, clientX}) => {
     if (pointerType !== "touch") return
+    // Two fingers pinch, which Bokeh does by itself.
     fingers.add(pointerId)
     from = fingers.size === 1 && touch() ? {x: clientX, start: x_range.start, end: x_range.end, moves: false} : null
   }, true)
@@ -77,6 +79,7 @@ function follow_finger(view) {
     const {pointerType, clientX} = event
     if (pointerType !== "touch" || fingers.size > 1) return
     event.stopPropagation()
+    // The event is stopped even so: Bokeh must not see a single finger that moves.
     if (from === null) return
     from.moves ||= Math.abs(clientX - from.x) > SLOP
     if (!from.moves) return
@@ -91,6 +94,7 @@ function follow_finger(view) {
       if (from?.moves) {  // it was no tap
         from = null
         event.stopPropagation()
+        // Bokeh has seen the finger come down, and must not wait for its end, which would count as a tap.
         events_el.dispatchEvent(new PointerEvent("pointercancel", {pointerId}))
       }
       from = null
@@ -122,6 +126,7 @@ function sample(source, x, time) {
     else high = middle
   }
   const best = time - times[low] <= times[high] - time ? low : high
+  // A mean step away: in a gap, and beyond the ends, there is no value.
   const far = last ? 1.01 * (times[last] - times[0]) / last : 1
   return Math.abs(times[best] - time) <= far ? best : -1
 }
@@ -165,11 +170,13 @@ function spread(row, time) {
 function save(blob, name, kind) {
   const link = made("a", {href: URL.createObjectURL(blob), download: `${name}.${kind}`})
   link.click()
+  // Not at once: some browsers read the file only after the click has returned.
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000)
 }
 
 // The part of a picture that no plot paints: on the page, the ground is that of the page.
 function ground(view) {
+  // Each plot stands in shadow roots: the parent of a root is its host.
   for (let at = view.el; at; at = at.parentElement ?? at.getRootNode().host) {
     const colour = getComputedStyle(at).backgroundColor
     if (colour && !/, 0\)$|transparent/.test(colour)) return colour
@@ -181,6 +188,7 @@ async function picture(view, kind, name) {
   const layer = view.export(kind, true)
   if (kind === "png") {
     const {ctx, canvas} = layer
+    // Paints behind what is there already.
     ctx.globalCompositeOperation = "destination-over"
     ctx.fillStyle = ground(view)
     ctx.fillRect(0, 0, canvas.width, canvas.height)

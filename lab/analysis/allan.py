@@ -239,7 +239,9 @@ def fit(allan: AllanDeviation, shortest: float = 0.0, longest: float = math.inf)
     squares, variances, goodness = (np.stack(part, axis=1) for part in zip(*axes, strict=True))
     values, sigmas = np.sqrt(squares), np.empty_like(squares)
     hidden = squares <= _BEYOND * np.sqrt(variances)
+    # √variance is the σ of the square; its root is the size whose square is as large.
     sigmas[hidden] = variances[hidden] ** 0.25
+    # σ of a root: that of the square, divided by twice the root.
     sigmas[~hidden] = np.sqrt(variances[~hidden]) / (2 * values[~hidden])
     order = [LETTERS.index(letter) for letter in "NBKQR"]
     return NoiseTerms(*values[order], *sigmas[order], *goodness)
@@ -274,6 +276,7 @@ def _fit_axis(
     weights = np.sqrt(degrees / 2) / np.maximum(terms @ weighted, negligible_variance(variance))
     scaled = terms * weights[:, None]
     norms = _norms(scaled)
+    # The columns, from 3 / τ² to τ² / 2, differ by many orders of magnitude.
     gain = np.linalg.pinv(scaled / norms) * weights / norms[:, None]
     spread = np.einsum("a,b,abij->ij", weighted, weighted, together)
     uncertain = np.maximum(np.einsum("ti,ij,tj->t", gain, spread, gain), 0.0)
@@ -334,6 +337,7 @@ def whiten_free_terms(squares: FloatArray, together: FloatArray) -> FloatArray:
     spread = np.einsum("a,b,abij->ij", squares, squares, together)
     sigma = np.sqrt(np.diag(spread))
     sizes, vectors = np.linalg.eigh(spread / np.outer(sigma, sigma))
+    # Variances at neighbouring averaging times are nearly the same number: only what differs is inverted.
     distinct = sizes > _DISTINCT * sizes[-1]
     return np.asarray((vectors[:, distinct] / np.sqrt(sizes[distinct])).T / sigma)
 

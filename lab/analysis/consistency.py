@@ -80,6 +80,7 @@ def _whiten(values: FloatArray, P: FloatArray, least: float) -> bool:
     root, per, scale = np.empty((n, n)), np.empty(n), np.empty(n)
     for e in range(P.shape[0]):
         for i in range(n):
+            # Not `<= 0`: NaN must be refused too.
             if not P[e, i, i] > 0:
                 return False
             scale[i] = 1 / math.sqrt(P[e, i, i])

@@ -141,6 +141,7 @@ def _attitude_error(q: FloatArray, true: FloatArray) -> Vector:
         -w * d - x * c + y * b + z * a,
     )
     length = math.sqrt(v0 * v0 + v1 * v1 + v2 * v2)
+    # The shorter of the two turns: q and −q are the same attitude.
     factor = 2 * math.atan2(length, abs(scalar)) / length if length > 1e-12 else 2.0
     factor = -factor if scalar >= 0 else factor
     return factor * v0, factor * v1, factor * v2
@@ -181,6 +182,7 @@ def normalised_square(v: FloatArray, P: FloatArray, root: FloatArray, row: Float
             diagonal -= entry * entry
             residual -= entry * white[column]
             column += 1
+        # Not `<`: NaN must be refused too.
         if not diagonal >= SINGULAR * SINGULAR:
             return math.nan
         root[used, used] = math.sqrt(diagonal)
@@ -207,6 +209,7 @@ def _put_sigma(sigma: FloatArray, euler: Vector, variance: FloatArray, covarianc
         sigma[at] = math.sqrt(variance[at + 1])
         sigma[at + 1] = math.sqrt(variance[at])
         sigma[at + 2] = math.sqrt(variance[at + 2])
+    # Euler angles by the attitude error in n: roll and yaw grow by tan θ of the tilt along the heading.
     tan, cosine, sine = math.tan(euler[1]), math.cos(euler[2]), math.sin(euler[2])
     cross = 2 * sine * cosine * covariance[0]
     along = cosine * cosine * variance[6] + sine * sine * variance[7] + cross
@@ -264,6 +267,7 @@ def _write_position_nees(solution: Solution, before: Samples, there: TruthArrays
         for i in range(3):
             P[i, i] = solution.variance[s, i]
         c = solution.covariance[s, 0]
+        # `normalised_square` reads the lower triangle only.
         P[1, 0], P[2, 0], P[2, 1] = c[0], c[1], c[2]
         out.between[k] = normalised_square(v, P, root, row)
 

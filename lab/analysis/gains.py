@@ -70,6 +70,7 @@ def choose_epochs(run: Run) -> Epochs:
     grid = np.append(np.arange(0, end, max(1, round(INTERVAL / usual_step(run)))), end)
     grid = np.setdiff1d(grid, at_fix)
     sample = np.concatenate((at_aid, at_fix, grid))
+    # Stable: at one sample, the aids stay before the fix, as the filter takes them.
     order = np.argsort(sample, kind="stable")
     sample = sample[order]
     fix, aid = np.full((2, sample.size), -1)
@@ -159,6 +160,8 @@ def _maps_before(run: Run, aids: NDArray[np.int64]) -> FloatArray:
     number = np.arange(aids.size) - np.searchsorted(samples, samples)  # within the sample
     for rank in range(1, int(number.max(initial=0)) + 1):
         now = np.flatnonzero(number == rank)
+        # The measurement before, of the same sample, was the row before: its correction is done when this
+        # one is used.
         x_e = np.linalg.solve(maps[now - 1], x[now - 1, :, None])[..., 0]
         r_e[now] = r_e[now - 1] - x_e[:, POS]
         velocity_e[now] = velocity_e[now - 1] - x_e[:, VEL]
@@ -195,6 +198,7 @@ def _fix_updates(run: Run, fixes: NDArray[np.int64], maps: FloatArray, place: Fl
     hold_heading(K, np.arange(fixes.size), vertical, held)
     turn = is_corrected(run) * (K[:, ATT] @ innovation)[..., 0]
     if in_body:  # the correction is the group's exponential
+        # `stack` refuses an empty list.
         bent = np.stack([left_jacobian(one) for one in turn]) if fixes.size else np.zeros((0, 3, 3))
         K[:, POS], K[:, VEL] = bent @ K[:, POS], bent @ K[:, VEL]
     # Errors of a fix are along north, east and down of the true place.

@@ -122,6 +122,8 @@ class LowPass(NamedTuple):
         Where the filter leaves nothing, the power is that of the frequencies below.
         """
         steps = np.arange(len(rates), dtype=np.float64)[:, None]
+        # The transform takes the record for periodic: a step from its end to its begin would be in all
+        # frequencies.
         trend = rates[0] + (rates[-1] - rates[0]) * (steps / max(len(rates) - 1, 1))
         spectrum = np.fft.rfft(rates - trend, axis=0)
         f = np.asarray(np.fft.rfftfreq(len(rates)), dtype=np.float64)
@@ -131,6 +133,7 @@ class LowPass(NamedTuple):
         if gone.any():
             below = ~gone & (f > f[gone][0] / 2)
             level = np.sqrt(np.mean(np.abs(before[below]) ** 2, axis=0))
+            # Only the size is replaced: the phases stay those of the record.
             before[gone] *= level / np.maximum(np.abs(before[gone]), np.finfo(float).tiny)
         return np.asarray(np.fft.irfft(before, len(rates), axis=0) + trend)
 
@@ -249,12 +252,15 @@ def _spectrum(rates: FloatArray) -> _Spectrum:
     edge = np.clip(np.minimum(steps, 1 - steps) / _TAPERED, 0.0, 1.0)
     taper = np.sin(np.pi / 2 * edge) ** 2
     spectrum = np.fft.rfft((rates - level - slope * steps) * taper, axis=0)[1:]
+    # What the taper leaves of white noise.
     power = np.abs(spectrum) ** 2 / np.sum(taper**2)
     f = np.arange(1, len(power) + 1) / count
     f, power = f[f < _HIGHEST], power[f < _HIGHEST]
     weight = np.ones_like(power)
     whole = len(power) // _TRIMMED * _TRIMMED
     parts = power[:whole].reshape(-1, _TRIMMED, power.shape[1])
+    # Ordinates are exponentially distributed: their median is ln 2 times their mean. Lines of vibration
+    # stand far above.
     weight[:whole] = (parts < _LINE / np.log(2) * np.median(parts, axis=1, keepdims=True)).reshape(whole, -1)
     # Bands of the same relative width, and further up of the same width.
     band = np.where(f < 1 / (2 * _MOST_BANDS * _WIDTH), np.log(f) / np.log1p(_WIDTH), 0.0)
@@ -297,6 +303,7 @@ def _fit_reweighted(columns: FloatArray, power: FloatArray, count: FloatArray) -
         weight = root / model
         found = nnls(columns * weight[:, None], power * weight, maxiter=100)[0]
         model = np.maximum(columns @ found, 1e-9 * power.max())
+    # Minus the log-likelihood of exponentially distributed ordinates, without the constant (Whittle).
     return float(np.sum(count * (np.log(model) + power / model))), found
 
 

@@ -196,6 +196,7 @@ def fit(fixes: FixSeries) -> AxisErrors:
         return AxisErrors(white, max(math.exp(x[kinds]), fixes.rounded[1] / fast), size, tau, motion, 0.0)
 
     def cost(x: FloatArray, slow: bool, outlier: NDArray[np.bool_]) -> float:
+        # The simplex may wander off, where `exp` overflows.
         x = np.clip(x, -FAST, FAST)
         one = errors(x, slow=slow)
         if one.motion > FASTEST or (slow and not SHORTEST < one.tau < longest):
@@ -204,6 +205,7 @@ def fit(fixes: FixSeries) -> AxisErrors:
 
     outlier = np.zeros((*fixes.position.shape, 2), np.bool_)
     starts = [np.append(first, motion) for motion in MOTION_STARTS]
+    # The second round is without the outliers that the first one shows.
     for _ in range(2):
         best, place = _search(cost, starts, outlier, errors)
         starts = [place]

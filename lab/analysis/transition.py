@@ -207,6 +207,7 @@ def _respond(
                 out.coupled[i, j, a] += total * flight.dtheta[k, a]
                 out.coupled[i, j, 3 + a] += total * flight.dvelocity[k, a]
         for b in range(fade.size):
+            # What is there of later samples meets an error that has decayed by one sample more.
             out.fading[i, b] = r[i, b % BIASES] + fade[b] * out.fading[i, b]
         for j in range(NAV):
             total = 0.0
@@ -226,6 +227,7 @@ def _drive(p: int, channel: int, decay: float, drive: FloatArray, r: FloatArray,
             out.process[p, i, j] = s
             out.cross[p, i, j] += drive[j] * out.power[p] * s
             for m in range(i + 1):
+                # Only up to i: further responses of this sample are not written yet.
                 c = drive[j] * s * out.process[p, m, j]
                 out.covariance[p, i, m] += c
                 if m < i:
@@ -263,6 +265,7 @@ def transition(
     F = np.zeros((N, N))
     r, row = np.zeros((NAV, BIASES)), np.zeros(NAV)
     _clear(out)
+    # Backwards: the response to an error in a sample is that of all later ones, which are known by then.
     for k in range(last - 1, first - 1, -1):
         _write(flight, k, F)
         _respond(flight, k, F, fade, r, row, out)

@@ -312,6 +312,8 @@ class AttitudeOnly:
         angle = self._scale * (float(np.linalg.norm(self._turned)) + RETURNED * self._swung)
         if angle > self._scaled:
             at = np.arange(ATT.start, ATT.stop)
+            # Only the growth is added: the angle is that since the rest, and its square is in P already up
+            # to `_scaled`.
             self._run.P[at, at] += angle**2 - self._scaled**2
             self._scaled = angle
 
@@ -338,6 +340,7 @@ class AttitudeOnly:
         P[:6, :] = P[:, :6] = 0.0
         P[POS, POS] = START_POSITION**2 * np.eye(3)
         P[VEL, VEL] = REST_VELOCITY**2 * np.eye(3)
+        # The seconds before the rest was long enough to count belong to it as well.
         self.rest += SPAN if self.rest else length
         self.rest_place = self._where
         self._begin(found._replace(time=now, position=self._where, P=P))
@@ -389,6 +392,7 @@ class AttitudeOnly:
                 f"The specific force differs from gravity by {excess:.2f} m/s², more than accelerometer "
                 f"biases of σ {sigma_force:.2f} m/s² explain: the IMU accelerates, or its scale is wrong."
             )
+        # The Earth's rate in unknown directions: the heading may not be known yet.
         S = anchor.P[GYRO_BIAS, GYRO_BIAS] + np.diag(variance[:3]) + earth.RATE**2 * np.eye(3)
         rate = mean[:3] - anchor.bias[:3]
         if rate @ np.linalg.solve(S, rate) > TOO_FAST:

@@ -253,6 +253,8 @@ class LiveFilter:
         imu = imu_between(self.samples, start, last)
         half = max(WINDOW, 2 * self._step) / 2
         whole = times + half <= now
+        # New ones, and those whose window has passed since: those between wait for the rest of their
+        # samples.
         rows = (turn[:, 3] == 0) | whole | settled
         if not rows.any():
             return
@@ -307,6 +309,7 @@ class LiveFilter:
 
     def _return(self, stale: int) -> None:
         """Return to the last copy before a sample."""
+        # The first copy stays whatever is stale: before it, there is nothing to return to.
         while len(self._copies) > 1 and self._copies[-1].sample >= stale:
             self._copies.pop()
         copy = self._copies[-1]
@@ -325,6 +328,7 @@ class LiveFilter:
                     stop = edge
         due = self.fixes.number("time", self._time(stop) + _SLACK, "right")
         measured = self.fixes.rows("measured", self.next_fix, max(due, self.next_fix))
+        # The gate depends on how many values a fix has, so a piece has fixes of one number only.
         change = np.flatnonzero(np.diff(measured))
         if change.size:
             time = float(self.fixes.rows("time", self.next_fix, due)[change[0]])
@@ -379,9 +383,11 @@ class LiveFilter:
         )
         run = run._replace(aids=read_only(aids))
         run.noise[:] = noise
+        # The kernel counts the fixes and aids of this piece alone.
         run.counts[0] = run.counts[2] = 0
         out = Solution.empty(end - before + 1, count, self.model.blocks, aids=aids.time.size)
         advance(run, imu, shown, out, self.at - before, schedule, self.model)
+        # The sample reached before was written by the piece before; the first of all by none.
         written = self.at if self.at == self.first else self.at + 1
         for name in _OF_SAMPLES:
             self.samples.rows(name, written, end + 1)[:] = getattr(out, name)[written - before :]

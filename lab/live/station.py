@@ -123,6 +123,7 @@ class Station:
 
         To start may take a second, in which no page waits.
         """
+        # A page asks again in a moment; it must not block the loop of the server meanwhile.
         if not self._lock.acquire(blocking=False):
             return None
         try:
@@ -202,6 +203,7 @@ class Station:
                 held.clear()
                 self.thinned.add(rows)
                 self._grow(rows)
+            # `ended` was asked before the samples were taken, so nothing can have come in between.
             if ended and self.source.end == cursor:
                 self._finish()
                 return
@@ -237,6 +239,7 @@ class Station:
         """Take note of the times of the first and the newest sample or fix."""
         for rows in (read.imu, read.fix):
             if len(rows):
+                # The host's monotonic clock is never at zero when samples come.
                 self.zero = self.zero or float(rows["time"][0])
                 self.newest = max(self.newest, float(rows["time"][-1]))
 
@@ -260,6 +263,8 @@ class Station:
         if self.failure:
             return
         try:
+            # Fixes and readings go with the last piece: each is used at its own time, if the samples up to
+            # it are there.
             *first, last = self._split_samples(read.imu)
             for piece in first:
                 self._feed(piece)
@@ -307,9 +312,11 @@ class Station:
         self._ending.set()
         for own in self._beside.values():
             own.close()
+        # First the source: it wakes the threads that wait for its samples.
         self.source.close()
         for thread in self._threads:
             thread.join()
+        # Only now: the threads have read the ring until they ended.
         self.source.forget()
         with self._lock, self._growing_lock:
             self._navigator = self._growing = None

@@ -158,9 +158,11 @@ class Stations:
                 one.watchers[watcher] = visitor.counted
                 return key, one.station
             self._check(visitor)
+            # It counts from now on, so that two who open at once cannot both take the last place.
             opening = _Opening(wanted, owned_by(visitor), visitor.counted)
             self._opening.append(opening)
         try:
+            # Outside of the lock: to open a port may take seconds, in which others come and go.
             made = make()
         except BaseException:
             with self._changed:
@@ -193,6 +195,8 @@ class Stations:
             found = [(key, one) for key, one in alike if may(visitor, one.station.owner)]
             if found:
                 return max(found, key=lambda item: owner_distance(item[1].station.owner))
+            # Whoever wants the same waits for it rather than open it a second time, and looks again from the
+            # begin.
             coming = [one for one in self._opening if one.wanted == wanted]
             if any(may(visitor, one.owner) for one in coming):
                 self._changed.wait()
@@ -259,6 +263,7 @@ class Stations:
             if one.watchers:
                 return False
             del self._open[key]
+        # Outside of the lock: it waits for the threads of the station.
         one.station.close()
         return True
 

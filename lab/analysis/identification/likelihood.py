@@ -229,7 +229,9 @@ def maximise(
             slope = slopes.scores.sum(axis=0) - (place[free] - start) / prior**2
             moved = False
             while damping < STIFFEST:
+                # Marquardt's damping: along each parameter, in proportion to its own information.
                 step = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+                # Shortened as a whole: the direction stays.
                 step = step * min(1.0, float(np.min(longest / np.maximum(np.abs(step), 1e-300))))
                 trial = place.copy()
                 trial[free] = np.clip(place[free] + step, low, high)
@@ -276,6 +278,7 @@ def interval(
     start, prior = (np.array([getattr(one, name) for one in parameters]) for name in ("start", "prior"))
     direction = estimate.covariance[:, index] / estimate.covariance[index, index]
     sigma = float(estimate.sigma[index])
+    # √(2 · 1.92) = 1.96, longer where the innovations are correlated.
     wanted = NORMAL * sigma / math.sqrt(estimate.covariance[index, index])
     moved = direction != 0
     best = estimate.log_likelihood - _cost(estimate.value[moved], start[moved], prior[moved])
@@ -296,6 +299,7 @@ def interval(
                 break
             if abs(lost - wanted) < CLOSE * wanted:
                 break
+            # The root of the loss grows about as the distance: one division nearly hits it.
             distance *= min(max(wanted / max(lost, 1e-9), 1 / FARTHEST), FARTHEST)
         ends.append(float(estimate.value[index] + distance))
     return ends[0], ends[1]

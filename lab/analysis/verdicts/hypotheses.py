@@ -235,6 +235,7 @@ class _Bank:
         self._count, n = len(tried), P0.shape[0]
         if n % TOGETHER:
             raise ValueError(f"a filter with {n} states; hypotheses are tried for states that come in threes")
+        # Whole groups of eight: the last one is repeated, and its copies are never read.
         tried = [*tried, *[tried[-1]] * (-len(tried) % LANES)]
         variance = position * np.array([one.correlated[0] for one in tried])
         self._time = np.array([one.correlated[1] for one in tried])

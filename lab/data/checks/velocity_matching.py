@@ -252,6 +252,7 @@ def _starting_rotations(window: Window, bias: FloatArray) -> list[Rotation]:
     steps = np.diff(window.time)[:, None]
     total = running_attitudes(window.dtheta - bias * steps)[:-1].apply(window.dvelocity)[rows].sum(axis=0)
     gained = np.nan_to_num(window.velocity_n[-1] - window.velocity_n[0]) - _G * (last - first)
+    # Without a force there is nothing to align: level, with each heading.
     if not (np.linalg.norm(total) > 0 and np.isfinite(total).all()):
         return [Rotation.from_euler("z", heading) for heading in _HEADINGS]
     axis = gained / np.linalg.norm(gained)
@@ -277,6 +278,7 @@ def _fit_window(
     known = np.isfinite(window.velocity_n)
     weight = 1 / np.sqrt(np.where(known, window.sigma, 1.0) ** 2 + _MODEL_SIGMA**2)
     seen, count = np.where(known, window.velocity_n, 0.0), int(known.sum())
+    # Infinite: nothing is known of attitude and velocity before.
     loose = np.concatenate((np.full(3, np.inf), prior_sigma, np.full(3, np.inf), [LAG_SIGMA]))
     damped = np.diag(np.concatenate((np.full(3, 1 / _MAX_TURN), 1 / loose[3:])))
     for _ in range(rounds + 1):
@@ -310,6 +312,7 @@ def _fit_window(
             break
     # Scaled, since its unknowns have units of many sizes; a heading that nothing shows is unknown.
     scale = np.array([1.0] * 3 + [0.01] * 3 + [0.1] * 3 + [1.0] * 4)
+    # The rows below the measurements: the damping of a step gives way to what was known before.
     design[count:] = np.diag(1 / loose)
     scaled = design * scale
     ridge = np.eye(13) * _RIDGE
@@ -324,6 +327,7 @@ def _model(
     """Return the velocity gained until each fix (m, 3), and its derivatives by the unknowns."""
     dt = np.diff(window.time)[:, None]
     half = quaternions(0.5 * (window.dtheta - bias[:3] * dt))
+    # The attitude in the middle of each step; a whole step is twice the half.
     middle = product(running_products(product(half, half))[:, :-1], half)
     C = C_nb.as_matrix() @ matrices(middle)
     force = (C @ (window.dvelocity - bias[3:] * dt)[:, :, None])[:, :, 0]

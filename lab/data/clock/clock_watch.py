@@ -161,9 +161,11 @@ class ClockWatch:
             if not 0 < float(device[0]) - self.last < LIMITS.step:
                 self.rebase(float(device[0]) - self._interval, clock)
         steps = steps_from(self.last, device)
+        # Not `steps <= 0`: a step that is NaN is odd too.
         odd = ~(steps > 0) | (
             steps > (LIMITS.step if math.isnan(self.usual) else LIMITS.missing * self.usual)
         )
+        # Before the first sample of all there is no interval.
         odd[0] &= math.isfinite(self.last)
         kept, changed = np.ones(len(device), bool), np.zeros(len(device), bool)
         self._number += len(device)
@@ -174,6 +176,7 @@ class ClockWatch:
         self._sort_out(device, arrival, clock, np.flatnonzero(odd), (kept, moved, changed))
         times = (device - moved)[kept]
         if times.size:
+            # As the device sent it: the next step is one of its clock, whatever was taken off here.
             self.last = float(device[kept][-1])
         silence = 0.0
         if changed.any() and times.size and not math.isnan(self._heard):
@@ -183,6 +186,7 @@ class ClockWatch:
         if silence > LIMITS.step:
             clock.restart()
         self._heard = arrival
+        # `moved` is a running total, and each event tells of its own step.
         sizes = np.diff(moved, prepend=0.0)
         for i in np.flatnonzero(changed):
             size, silence = float(sizes[i]) - (silence if silence > LIMITS.step else 0.0), 0.0
@@ -218,6 +222,7 @@ class ClockWatch:
             early = step > LIMITS.step and i in ends
             early = early and clock.predicted(float(device[ends[i]]) - total) - arrival > LIMITS.step
             if step <= 0 or early:
+                # The usual interval is left between the two: times must go on, not repeat.
                 total += step - self._interval
                 moved[i], changed[i] = total, True
                 self._odd.append((self._number - len(device) + i, step))
@@ -228,6 +233,7 @@ class ClockWatch:
     def _decide(self, arrival: float) -> bool:
         """Keep the events of changes that are of their own; return whether the clock is not used any more."""
         numbers, steps = zip(*self._odd, strict=True) if self._odd else ((), ())
+        # The deque holds only as many, so a full one spans the last `most_odd` changes.
         if len(steps) == LIMITS.most_odd and numbers[-1] - numbers[0] < LIMITS.within:
             what = "repeats its time stamps" if not any(steps[-2:]) else (
                 "runs backwards" if max(steps) < 0 else "jumps again and again"
@@ -239,6 +245,7 @@ class ClockWatch:
                 arrival, f"The device's clock {what}; from now on, the samples are timed by their number."
             )
             return True
+        # Younger ones wait: they may turn out to be the first of a clock that is of no use.
         self._publish(self._number - LIMITS.within)
         return False
 

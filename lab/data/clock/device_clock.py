@@ -88,6 +88,7 @@ class DeviceClock:
             return clock
         clock._device, clock._host, clock._begun, clock._pace, clock._slope = given[:5]
         clock._least, clock._look_ends = given[5:7]
+        # A recording may be damaged: no value of it takes the mapping beyond what `_follow` itself allows.
         clock._owed = min(max(given[7], -LIMITS.step), 0.0) if math.isfinite(given[7]) else math.nan
         clock.drift = 1 / (1 + slope) - 1
         return clock
@@ -134,16 +135,21 @@ class DeviceClock:
         made_up = self._recovered_delay(steps)
         times = self._host + self._pace * steps + made_up
         late = arrival - float(times[-1])
+        # Earlier than it can have been sent: the clock was set forward. In small steps, the loop follows by
+        # itself.
         if late < -LIMITS.step and step > LIMITS.step:
             return self._anchor_mapping(device, arrival), True
         self._device, self._host = last, float(times[-1])
         if not math.isnan(self._owed):
             self._owed -= float(made_up[-1])
             late -= self._owed
+        # Only the least delay of a look counts: transport can delay a sample, and never bring it early.
         self._least = min(self._least, late)
         if arrival >= self._look_ends + LIMITS.look:  # a silence: what was held back comes late
             self._look_ends = arrival + LIMITS.look
         elif arrival >= self._look_ends:
+            # A counter of samples that were lost on the way falls behind for good: no drift makes up for
+            # that.
             if self.counted and self._least > LIMITS.step:
                 return self._anchor_mapping(device, arrival), True
             self._follow(arrival)
@@ -167,7 +173,9 @@ class DeviceClock:
             self._owed = 0.0
             if -LIMITS.step < least < 0:  # nothing comes early: the beginning was late
                 self._owed, least = least, 0.0
+        # The loop is fast while little is known, and slows down as 2 / t to average over all that came.
         band = max(LIMITS.slowest, min(LIMITS.fastest, 2 / max(arrival - self._begun, LIMITS.look)))
+        # 2 ζ ω with the damping ζ = 1/√2; the drift below has the other gain, ω² of a look.
         slew = min(max(math.sqrt(2) * band * least, -LIMITS.slew), LIMITS.slew)
         if abs(least) < LIMITS.step:
             self._slope = min(max(self._slope + band**2 * least * LIMITS.look, -LIMITS.drift), LIMITS.drift)
@@ -185,6 +193,7 @@ class DeviceClock:
         damping of 1/√2: Gardner, Phaselock Techniques, on the noise of the integrator.
         """
         self._looks += 1
+        # The mean of all at first, then of as many as the loop itself remembers.
         self._scatter += max(1 / self._looks, band * LIMITS.look) * (least**2 - self._scatter)
         if self._looks >= LIMITS.fewest_delays:
             self.drift_sigma = LIMITS.narrowed * math.sqrt(

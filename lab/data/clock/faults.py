@@ -35,6 +35,7 @@ def usual_step(time: FloatArray) -> float:
 
 def equal_runs(samples: FloatArray) -> tuple[IntArray, IntArray]:
     """Return where the run of equal ones of each sample (n, m) begins, and how long it is."""
+    # The slice is for no samples at all: then there is no first one.
     first = np.append(True, (samples[1:] != samples[:-1]).any(axis=1))[: len(samples)]
     start = np.maximum.accumulate(np.where(first, np.arange(first.size), 0))
     return start, np.bincount(start, minlength=first.size)[start]
@@ -122,6 +123,7 @@ def continue_times(time: FloatArray, period: float, slack: float) -> FloatArray:
     """
     known = np.flatnonzero(np.isfinite(time))
     result = time.copy()
+    # A fall back by about one period is a new turn of the counter; any other one is left as it is.
     result[known[1:]] += period * np.cumsum(np.abs(np.diff(time[known]) + period) < slack)
     return result
 
@@ -181,6 +183,7 @@ def set_backs(time: FloatArray) -> list[tuple[int, float]]:
         size = usual - float(steps[row - 1])
         if again >= time.size or (steps[row:again] < 0).any():
             return []
+        # A jump forward where it catches up: the rows were only written late.
         if steps[again - 1] > LIMITS.missing * usual or size < LIMITS.missing * usual:
             return []
         found.append((row, size))

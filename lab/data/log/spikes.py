@@ -102,6 +102,7 @@ class StreamSpikes:
         for at, axes in zip(suspects.tolist(), far, strict=True):
             decides = at + (_AFTER if axes.any() else _SIDE)  # the last sample that does
             if decides >= end and not whole:
+                # All after it wait as well: a spike is judged by neighbours of which none is undecided.
                 end = at
                 break
             found[at] = any(self._is_spike(at, axis) for axis in np.flatnonzero(axes).tolist())
@@ -111,6 +112,7 @@ class StreamSpikes:
 
     def _suspects(self, begin: int) -> NDArray[np.intp]:
         """Return the samples from one on that jump, or follow a jump as the next of a few spikes do."""
+        # A jump just before may be the first of a few spikes that reach into the new samples.
         reach = max(0, begin - MAX_SPIKES)
         jumps = np.zeros(len(self._values) - reach, np.bool_)
         jumps[1:] = (np.abs(np.diff(self._values[reach:], axis=0)) > LEAST / 2).any(axis=1)
@@ -121,6 +123,7 @@ class StreamSpikes:
     def _distance(self, rows: NDArray[np.intp]) -> FloatArray:
         """Return the distances (k, 6) of samples from the medians of their neighbours."""
         n = len(self._values)
+        # At both ends the neighbours lie on one side.
         first = np.clip(rows - _SIDE, 0, max(0, n - NEIGHBOURS))
         around = np.minimum(first[:, None] + np.arange(NEIGHBOURS), n - 1)
         return np.asarray(np.abs(self._values[rows] - np.median(self._values[around], axis=1)))
@@ -141,6 +144,7 @@ class StreamSpikes:
         """Keep the samples that decide about later ones, in fewer moves than samples."""
         kept = PAST + NEIGHBOURS + self._waiting
         if len(self._values) > 2 * kept:
+            # A copy: a view would keep the whole array alive.
             self._values = self._values[-kept:].copy()
 
 

@@ -157,9 +157,11 @@ class ImuClock:
 
     def _unwrap_times(self, device: FloatArray, arrival: float, period: float) -> FloatArray:
         """Return times of the device's clock with the turns that it made in a silence."""
+        # The first time of all gives NaN, which every comparison below refuses.
         silence = arrival - self._last_arrival
         self._last_arrival = arrival
         step = (float(device[0]) + self._wrapped - self.watch.last) % period
+        # The counter goes on as if nothing had passed: the host was late, and the device did not pause.
         stalled = abs(step - self.watch.usual) < _NEXT * self.watch.usual and silence < 2 * period
         if np.isfinite(period) and silence > period / 2 and not stalled:
             missed = self.watch.last + silence - (float(device[-1]) + self._wrapped)
@@ -223,6 +225,7 @@ class ImuClock:
         self.missing += missing
         if anew and begun:
             gap[0] = True
+        # After the mapping: it was that of the times without the step, and the next ones have it.
         self.clock.shift(followed.moved)
         if followed.useless:
             self._begin_to_count(arrival)
@@ -235,6 +238,7 @@ class ImuClock:
             return
         begin, first = self._paced[0]
         measured = (self._paced[-1][1] - first) / (arrival - begin)
+        # The clock that is given up may still have told the rate; the arrivals alone know it to a percent.
         usual = 1 / self.watch.usual
         self.rate = nominal_rate(usual if abs(usual / measured - 1) < NEAR else measured)
 

@@ -114,6 +114,7 @@ class Intake:
             Rows in the order of their arrival.
         """
         rows = self._usable_rows(np.asarray(rows))
+        # Rows that stay behind for so long are no late ones: the clock itself began anew.
         if self._back >= BACK_ROWS:
             self.restart()
         rows = self._without_repeats(self._increasing(rows))
@@ -158,6 +159,7 @@ class Intake:
             self._back = 0
             return rows
         self._count(late=int((~good).sum()))
+        # Only those since the last good row count as in a row.
         after = int(np.flatnonzero(good)[-1]) + 1 if good.any() else 0
         self._back = int((~good[after:]).sum()) + (0 if good.any() else self._back)
         return rows[good]
@@ -175,10 +177,13 @@ class Intake:
         before, rows = self._tail.size, np.concatenate((self._tail, rows))
         start, runs = equal_runs(_values(rows))
         if self._long and before:
+            # The run at the begin was found too long in the piece before; what is left of it here says
+            # nothing of its length.
             runs[start == 0] = LIMITS.polled + 1
         dropped = (start < np.arange(start.size)) & (runs <= LIMITS.polled)
         last = int(start[-1])
         self._long = bool(runs[-1] > LIMITS.polled)
+        # Of a run that is too long, all have been passed on; one row is kept to compare the next with.
         self._tail = rows[-1:] if self._long else rows[last:]
         if not self._long:
             dropped[last:] = False
@@ -213,12 +218,14 @@ class Intake:
         usual = self._usual.accept(dt)
         wide = dt > LIMITS.filled * usual
         if self._dropped.size:
+            # A dropped spike leaves a hole too, though the interval may be below the limit of a gap.
             wide |= np.diff(np.searchsorted(self._dropped, time)) > 0
             self._dropped = self._dropped[self._dropped > time[-1]]
         broken = np.flatnonzero(wide & ((dt > LIMITS.longest_filled) | (dt > MOST_FILLED * usual)))
         self._count(used=rows.size - (not begins), breaks=broken.size)
         first = 0
         for end in (*(broken + 1).tolist(), rows.size):
+            # One row alone has no increment; a stream that begins with one still says where it begins.
             if end - first > 1 or begins:
                 inner = slice(first, end - 1)
                 yield self._make_increments(rows[first:end], usual[inner], wide[inner], begins=begins)
@@ -235,11 +242,13 @@ class Intake:
         gaps = tuple((float(time[i]), float(time[i + 1])) for i in at)
         if at.size:
             times, values = filled(time, values, usual, at)
+            # The field is not interpolated: what was not measured stays unknown.
             field = np.full((times.size, 3), np.nan)
             field[np.searchsorted(times, time)] = magnetic
             self._count(gaps=at.size, filled=times.size - time.size)
             time, magnetic = times, field
         increments = np.zeros_like(values)
+        # A sample stands for the interval that ends with it.
         increments[1:] = values[1:] * np.diff(time)[:, None]
         kept = slice(0 if begins else 1, None)
         return Increments(time[kept], increments[kept], magnetic[kept], gaps, begins)

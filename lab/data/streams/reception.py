@@ -121,6 +121,7 @@ class Reception:
             Column.of(text).check()
         units = {kind: checked_unit(kind, unit) for kind, unit in (units or {}).items()}
         known = ColumnMap.of(columns) if isinstance(columns, str) and columns else columns or None
+        # For mypy: an empty text has become None above.
         assert not isinstance(known, str)
         self.rows = VehicleRows(axes or AxisMap())
         self.imu = ImuClock(rate, self.rows.put, NO_IMU)
@@ -291,10 +292,12 @@ class Reception:
             self._paced = (arrival, time, power) if math.isnan(begun) else self._paced
             return rows
         pace = (time - first) / (arrival - begun)
+        # Seconds, milliseconds, microseconds: a wrong unit is off by a power of 1000.
         thousands = math.log10(pace) / 3 if pace > 0 else 0.0
         now = round(thousands) if abs(thousands - round(thousands)) < _NEAR_THOUSAND else 0
         self._paced = arrival, time, now
         units = {one.quantity: one.unit for one in decoder.columns.columns}
+        # Twice in a row by the same power: one pause of the host makes a wrong pace once.
         if not now or now != power or units["time"] not in _TIMES:
             return rows
         scale = UNITS_OF["time"][units["time"]] / 1000.0**now
@@ -334,6 +337,7 @@ class Reception:
         before = self._factor
         self.answer(unit, "as the first turn against gravity shows")
         if self._factor != before:
+            # `answer` tells of the samples returned before; these were still decoded in the old unit.
             imu["rate"] *= self._factor / before
         return imu
 

@@ -123,6 +123,7 @@ def _append_rows(room: NDArray[np.void], end: int, rows: NDArray[np.void]) -> No
         return
     size = len(room)
     if len(rows) > size:
+        # More than there is room for: only the last ones stay, at the places that they would have had.
         end, rows = end + len(rows) - size, rows[-size:]
     at = end % size
     first = min(len(rows), size - at)

@@ -136,6 +136,7 @@ class ThinnedSamples:
         if not len(imu):
             return
         buckets = np.floor(imu["time"] * (RATE / 2))
+        # Before the first sample the bucket is NaN, and NaN differs from every number: it begins a bucket.
         edges = np.flatnonzero(np.diff(buckets, prepend=self._bucket) != 0)
         for begin, end in zip([0, *edges], [*edges, len(imu)], strict=True):
             if begin in edges:
@@ -159,6 +160,7 @@ class ThinnedSamples:
             for name in ("rate", "force"):
                 made[name] = rows[name].min(axis=0), rows[name].max(axis=0)
         if rows["gap"].any() and self._end:
+            # A row of NaN interrupts the curve: the plot draws no line across a gap.
             broken = np.zeros(1, THINNED)
             broken["time"] = rows["time"][0]
             broken["rate"] = broken["force"] = np.nan

@@ -123,6 +123,7 @@ class StreamDetector:
             As of `TextLines`.
         """
         self._before = self.statistics
+        # The bytes that were kept are fed again below, and must not count twice.
         self._before.bytes -= self._held
         self.protocol, self.evidence, self._columns, self._said = TextLines.name, "", None, dict(said)
         self.found_out = False
@@ -139,6 +140,7 @@ class StreamDetector:
         self._first.append(chunk)
         self._held += len(chunk.data)
         found = decoder.feed(chunk.data)
+        # One frame with a sound check: it is the same device again.
         if decoder.statistics.frames:
             self._again, self._held = False, 0
             self._first.clear()
@@ -147,6 +149,7 @@ class StreamDetector:
         if self._found(chunk.arrival):
             self._again, self._columns = False, None
             return self._decode_kept()
+        # Looking for a protocol has written that nothing is recognised, which is no news of this device.
         self.evidence = said
         return [(found, chunk.arrival)]
 
@@ -187,10 +190,12 @@ class StreamDetector:
     def _found(self, arrival: float) -> bool:
         """Look for a protocol in the bytes that are kept, if it is time to; return whether there is one."""
         first = self._first
+        # Enough bytes are looked at once; from then on, at most as often as `RECOGNISED` says.
         begin = first[0].arrival if self._tried is None else self._tried
         if (self._held < ENOUGH or self._tried is not None) and arrival - begin < RECOGNISED:
             return False
         self._tried = arrival
+        # The oldest go first: what speaks for a protocol is what the device sends now.
         while self._held > MOST and len(first) > 1:
             gone = len(first.popleft().data)
             self._held -= gone

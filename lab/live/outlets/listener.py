@@ -135,12 +135,14 @@ class Listener:
         """Send rows to a reader until it is gone."""
         self._readers.add(reader)
         self._came += 1
+        # Who reads nothing more is noticed by `gone` only, and a write that fails by `send` only.
         tasks = [asyncio.ensure_future(reader.send(write)), asyncio.ensure_future(gone)]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
             for task in tasks:
                 task.cancel()
+            # Awaited, or the loop would complain of an exception that nobody has looked at.
             await asyncio.gather(*tasks, return_exceptions=True)
             reader.end()
             self._readers.discard(reader)
@@ -151,6 +153,8 @@ class Listener:
             writer.close()
             return
         writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+        # No row waits in the transport: a slow reader loses whole rows here, where they are counted, and
+        # never half of one.
         writer.transport.set_write_buffer_limits(0)
 
         async def write(row: Row) -> None:
@@ -165,6 +169,7 @@ class Listener:
         try:
             await self._while_heard(Reader(), write, gone())
         finally:
+            # Not `close`: that would wait for a reader that takes nothing.
             writer.transport.abort()
 
 
@@ -232,6 +237,7 @@ class WebSocket(Listener):
         reader, is_text = Reader(), self._destination.protocol != "mavlink"
         conversation = Conversation() if connection.subprotocol else None
         if conversation is not None:
+            # Before the greeting: a row that comes while it is sent must not go out as plain text.
             self._conversations[reader] = conversation
             for greeting in conversation.greetings():
                 await connection.send(greeting)

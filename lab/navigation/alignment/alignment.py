@@ -199,6 +199,8 @@ def align(
         )
         bias = bias - up
         noise = np.maximum(limits.ALIGNMENT.rest_noise, np.sqrt(assumed.noise[:3]))
+        # The level part of the Earth's rate depends on the heading, which is unknown here: it stays in the
+        # bias.
         bias_sigma = np.maximum(earth.RATE, noise / np.sqrt(rest))
     rate = (
         np.zeros(3)
@@ -259,6 +261,7 @@ def _rest_force_sigma(imu: Imu, rest: float, assumed: Belief) -> float:
     ends = imu.time[0] + _SECOND * np.arange(int(rest / _SECOND) + 1)
     total = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dvelocity, axis=0)))
     means = np.diff([np.interp(ends, imu.time, column) for column in total.T], axis=1) / _SECOND
+    # The mean of a second has the variance density / second by white noise alone.
     beyond = max(0.0, float(means.var(axis=1, ddof=1).max()) - density / _SECOND)
     return float(np.sqrt(density / rest + beyond + LEAST_FORCE**2))
 
@@ -293,6 +296,7 @@ def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float
     # Without a force across the forward axis, as of a device that stands on its nose, any roll will do.
     roll = -np.arccos(np.clip(right / across, -1, 1)) - np.arctan2(force[2], force[1]) if across else 0.0
     below = force[1] * np.sin(roll) + force[2] * np.cos(roll)
+    # The force in the plane of forward and down, in b and in n: the pitch is the angle between them.
     pitch = np.arctan2(below, force[0]) - np.arctan2(down, ahead)
     return float(wrap(roll)), float(wrap(pitch))
 
@@ -309,6 +313,7 @@ def _rest(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> float:
         limits.ALIGNMENT.largest_rest_speed,
     )
     speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1) / slow
+    # A rest that drifts away from its first second, as on a slope, is none.
     level_force = forces[: max(1, np.searchsorted(imu.time, start + _SECOND))].mean(axis=0)
     for second in range(seconds):
         window = slice(*np.searchsorted(imu.time[1:], [start + second, start + second + _SECOND]))
@@ -378,6 +383,7 @@ def _along_course(
     mean : (3,) array
         Mean rate of the whole record, the σ about level axes [rad/s].
     """
+    # Twice the difference is unwrapped, then halved: a jump of the course by π is none of twice the course.
     turning = np.interp(time, imu.time, _integrate_heading_angle(imu, np.zeros(3)))
     apart = np.unwrap(2 * (course - turning)) / 2
     since = time - time.mean()
@@ -418,6 +424,7 @@ def _at_start(time: float, fixes: Fixes, values: FloatArray) -> FloatArray:
     a, b = fixes.time[after - 1], fixes.time[after]
     step = values[after] - values[after - 1]
     if values is fixes.position:
+        # The longitude may cross the date line between the two fixes.
         step = np.array([step[0], wrap(step[1]), step[2]])
     return np.asarray(values[after - 1] + step * (time - a) / (b - a))
 
@@ -436,6 +443,7 @@ def _acceleration(
     time = fixes.time[near] - start
     slope = np.polyfit(time, fixes.velocity_n[near], 1)[0]
     variance = (velocity_sigma[near] ** 2).mean(axis=0) / ((time - time.mean()) ** 2).sum()
+    # The usual acceleration of a vehicle is a prior around zero: noisy velocities hardly move it.
     known = limits.ALIGNMENT.acceleration_sigma**2 / (limits.ALIGNMENT.acceleration_sigma**2 + variance)
     return slope * known, float(np.sqrt((variance * known)[:2].max()))
 

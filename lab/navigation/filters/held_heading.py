@@ -72,6 +72,7 @@ def keeps_heading(
         return False
     take_covariance(P, D, kept)
     for k in range(DIRECTIONS):
+        # Behind the covariance, the estimate along this direction.
         kept[k, DIRECTIONS] = 0.0
         for i in range(STATES):
             kept[k, DIRECTIONS] += D[k, i] * P[i, X]

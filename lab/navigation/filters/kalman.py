@@ -133,9 +133,12 @@ def is_outlier(
     for i in range(MEASUREMENTS):
         both[i] += nu[i]
         streak[2 + i] = nu[i]
+    # The product aᵀ S⁻¹ b from three squares: (|a + b|² − |a|² − |b|²) / 2.
     along = 0.5 * (normalised_square(both, S) - before - nis)
+    # 0.5 is cos 60°.
     agrees = streak[0] > 0 and along > 0.5 * math.sqrt(before * nis)
     streak[0] += 1
+    # One that disagrees is itself the first of the next row.
     streak[1] = streak[1] + 1 if agrees else 1.0
     return bool(streak[1] >= agreeing or streak[0] >= any_of)
 
@@ -161,6 +164,7 @@ def inflate(P: FloatArray, nu: FloatArray, elapsed: float, n: int) -> None:
     """
     away = (nu[0] * nu[0] + nu[1] * nu[1] + nu[2] * nu[2]) / 3
     fast = (nu[3] * nu[3] + nu[4] * nu[4] + nu[5] * nu[5]) / 3
+    # At least a second: over a shorter time, the noise of a velocity would look like a large tilt.
     tilt = min(math.sqrt(fast) / (_GRAVITY * max(elapsed, 1.0)), ATTITUDE_LIMIT)
     for i in range(9, n):
         P[i, i] *= BIAS_GROWTH
@@ -266,6 +270,7 @@ def _whitening_row(R_root: FloatArray, m: int, row: FloatArray, z: FloatArray) -
         total = 0.0
         for k in range(j + 1, m + 1):
             total += row[k] * R_root[k, j]
+        # From the diagonal to the left: a row of L⁻¹ needs only its own elements and L.
         row[j] = -total / R_root[j, j]
     total = 0.0
     for j in range(m + 1):

@@ -149,6 +149,7 @@ def linearise_fix(run: Filter, m: int, age: float, z: FloatArray, out: Solution)
         for j in range(MEASUREMENTS):
             R[i, j] = assumed[i, j]
         for j in range(STATES):
+            # Position and velocity are seen as they are; the lever arm and further states are added below.
             H[i, j] = 1.0 if i == j else 0.0
     axes = fix_axes(state)
     predict_antenna(
@@ -202,6 +203,7 @@ def observe(
     nu, S, used = out.innovation[m], out.innovation_covariance[m], out.fix_R[m]
     streak, clock, raised = run.streak, run.clock, run.S
     scalars = run.scalars[min(m, run.scalars.shape[0] - 1)]
+    # `linearise_fix` has stored H of the plain errors; from here on, it is that of the model's own ones.
     through_map(state, T, H)
     for i in range(MEASUREMENTS):
         nu[i] = z[i]
@@ -214,6 +216,7 @@ def observe(
         return REJECTED
     if schedule.robust != EVERY:
         if became == RECOVERED:
+            # P was raised, so the weight needs a new S; the stored one remains that of the gate.
             predict_fix(P, H, R, raised)
             nis = normalised_square(nu, raised)
         per_weight = 1 / weight(schedule.robust, nis)
@@ -248,6 +251,7 @@ def observe_rest(run: Filter) -> bool:
         done[NAV + i] = H[3 + i]
     copy_bias_elements(state, done)
     residual, s = z, 1.0
+    # A rate at rest shows no position and no velocity.
     for i in range(6, STATES):
         if done[i] != 0:
             residual -= done[i] * w[WIDTH * i + X]
@@ -384,6 +388,7 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     user_row(state, T, done)
     variance = aids.variance[a]
     excess = mean_speed_excess(state, axes, kind, run.P)
+    # The excess is a mean, so it is taken off; its variance is at most twice its square.
     residual -= excess
     variance += 2 * excess * excess
     if HEADING <= kind <= MAGNETIC:

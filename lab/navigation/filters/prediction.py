@@ -38,6 +38,7 @@ def add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) ->
         at = 6 - 3 * block  # gyro noise drives the attitude, accelerometer noise the velocity
         q0, q1, q2 = dt * noise[3 * block], dt * noise[3 * block + 1], dt * noise[3 * block + 2]
         for i in range(3):
+            # C Q Cᵀ of a diagonal Q: only the upper triangle is computed.
             a, b, c = get(state, strapdown.C_NB + 3 * i)
             for j in range(i, 3):
                 d, e, f = get(state, strapdown.C_NB + 3 * j)
@@ -91,6 +92,7 @@ def second_order(A: FloatArray, elapsed: float, decay: FloatArray, E: FloatArray
             E[r, c] = A[r, c]
         factor = 1.0
         for order in range(2, 4):
+            # 1/2!, then 1/3!
             factor /= order
             for c in range(states):
                 product[c] = 0.0

@@ -152,6 +152,7 @@ def navigate(
         copy = copies.pop()
         _smooth_block(copy, end, imu, fixes, out, model, later, Later, is_long=is_long)
         if copy.changed is not None:
+            # A filter's errors were changed by x ← C x here; backwards, λ ← Cᵀ λ and Λ ← Cᵀ Λ C.
             later[:NAV] = copy.changed.T @ later[:NAV]
             Later[:NAV] = copy.changed.T @ Later[:NAV]
             Later[:, :NAV] = Later[:, :NAV] @ copy.changed
@@ -232,6 +233,7 @@ def _copy_filter(run: Filter) -> Filter:
         **{name: values if name in SHARED else values.copy() for name, values in run._asdict().items()}
     )
     w = np.empty(run.w.size + 8)
+    # To the begin of a cache line of 64 bytes, as `filter` aligns its workspace.
     offset = (-w.ctypes.data // 8) % 8
     w = w[offset : offset + run.w.size]
     w[:] = run.w
@@ -279,6 +281,7 @@ def _before_step(
             Later[i, c] = total
     for i in range(STATES):
         for c in range(i):
+            # Rounding makes Λ unsymmetric, and each further step would add to it.
             mean = 0.5 * (Later[i, c] + Later[c, i])
             Later[i, c], Later[c, i] = mean, mean
 

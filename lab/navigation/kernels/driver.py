@@ -139,6 +139,8 @@ def take_measurements(
                     clock[0] = time
                     pending = False
                 if pending:
+                    # The navigator itself stays uncorrected: what is stored is the estimate as it is known
+                    # now.
                     write_corrected_state(state, w, T, x, spare)
                 store_fix(fix_covariance[m], spare if pending else state, w, T)
         m += 1
@@ -206,6 +208,7 @@ def steps(model: ErrorModel, *, summed: bool, aided: bool = False) -> Generated:
         kept_part: build_kept_part(model),
     }
     if not model.blocks:
+        # Without further blocks there are no scale factors: their divisions are left out.
         own |= strapdown.UNSCALED
     if model.in_body:
         own[add_noise] = add_noise_in_body

@@ -232,6 +232,8 @@ class _Writer:
 
     def _unused_name(self, name: str, value: object) -> str:
         """Return a name that nothing else in the module has."""
+        # `setdefault` asks and takes at once: the loop ends with a name that is free, or that already stands
+        # for this value.
         while self._taken.setdefault(name, value) != value:
             name += "_"
         return name
@@ -267,6 +269,8 @@ class _Writer:
         else:
             name, text, home, scope = plain.__name__, _source(plain), plain.__module__, plain.__globals__
         own = self.made[value] = self._unused_name(name, id(value))
+        # The name and the place are taken before the names within are looked at: these write the kernels
+        # that this one calls, and add their texts.
         place = len(self._texts)
         self._texts.append("")
         tree = ast.parse(text).body[0]
@@ -277,6 +281,7 @@ class _Writer:
                 value.decorator, value.decorator.__name__, compilation.__name__
             )
         lines = _replace_expressions(text, replaced)
+        # The line of a function is that of its `def`: plain Python begins below the decorators.
         first = tree.lineno - 1 if self._plain else 0
         self._texts[place] = "\n".join(lines[first:]).replace(f"def {name}(", f"def {own}(", 1)
         return own
@@ -300,6 +305,7 @@ class _Writer:
                 name, module = node.attr, getattr(within, "__name__", "")
                 if not _is_kernel(value) or not self._is_changed(self._variant.kernels.get(value, value)):
                     continue
+                # The name of the module stands inside this attribute, which is replaced as a whole.
                 done.add(node.value)
             elif isinstance(node, ast.Name) and node.id in scope and node.id not in local:
                 value, name, module = scope[node.id], node.id, home
@@ -348,6 +354,8 @@ def _source(function: FunctionType) -> str:
     RuntimeError
         If its file has changed since this process has read it.
     """
+    # The fast way can cut a function in the wrong place, so its text is compared with the compiled code, and
+    # the slow way is tried next.
     for find in (_block, inspect.getsource):
         text = find(function)
         if _is_text_of(text, function):
