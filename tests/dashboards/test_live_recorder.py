@@ -310,7 +310,7 @@ def test_what_a_full_disk_lost_is_told_with_the_mission(
     """The last bytes cannot be written: with Stop, or while it records."""
     one = opened()
     station = recording(one)
-    writer = station.source._writer
+    writer = station.source._recorder.writer
     assert writer is not None
     if ends_by_itself:
         monkeypatch.setattr("lab.data.streams.raw_recording.SPARE", 1 << 62)  # no disk has so much

@@ -353,9 +353,8 @@ class Live(PartOfWatched, Page):
     def _leave_station(self) -> None:
         watched, self._watched = self._watched, None
         if watched is not None:
-            LONG.submit(
-                _release_station, watched.key, watched.watcher
-            )  # the last one waits for threads to end
+            # The last one who leaves waits for threads to end.
+            LONG.submit(_release_station, watched.key, watched.watcher)
 
     def _begin_anew(self) -> None:
         """Fill the plots with what the station still has, and follow it."""

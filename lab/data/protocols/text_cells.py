@@ -34,6 +34,8 @@ IS_CELL = re.compile(
 )
 """A digit after a letter, such as that of ``X1``, ``m/s^2`` or ``ms/2``, is part of a text, and so is the
 address of a device, such as ``0x68`` or ``D4:22:CD:00:01:02``."""
+SHOWN_LINES = 3
+"""Last lines that are shown of text whose columns are not known."""
 _COMMAS = re.compile(r"[+-]?\d+(?:, ?[+-]?\d+){3,}")
 _PADDED = re.compile(r"\b0\d")
 _FEWEST = 3
@@ -158,3 +160,11 @@ def have_decimal_commas(lines: Sequence[str]) -> bool:
         return False
     columns = [cells for cells in zip(*rows, strict=True) if len({*map(len, cells)}) == 1]
     return sum(_PADDED.search(" ".join(cells)) is not None for cells in columns) >= _FEWEST
+
+
+def last_whole_lines(data: bytes) -> tuple[str, ...]:
+    """Return the last whole lines in bytes from anywhere in a stream; none if they are no text."""
+    lines = [line for line in re.split(rb"[\r\n]+", data)[1:-1] if line.strip()]
+    shown = [line.decode("utf-8", "replace") for line in lines[-SHOWN_LINES:]]
+    is_text = all(line.replace("\t", " ").isprintable() and "\ufffd" not in line for line in shown)
+    return tuple(shown) if shown and is_text else ()

@@ -49,8 +49,6 @@ _HELD = 192
 """Most lines held back while the columns are not known: three samples of 60 lines, and what comes before."""
 _OFTEN = 8
 """Times as many lines at which columns are looked for each time: what comes before the data is shorter."""
-_SEEN = 3
-"""Last lines that are kept of text whose columns are not known, to be shown."""
 _STEPS = 10.5
 """Step of time, in usual ones, beyond which the next line must confirm it. With one byte of 1000 damaged,
 every tenth line of 100 bytes is lost, and ten in a row never."""
@@ -116,7 +114,7 @@ class TextLines:
         self._held: deque[tuple[str, int]] = deque(maxlen=_HELD)
         self._seen = 0
         self.before = 0
-        self.last: deque[str] = deque(maxlen=_SEEN)
+        self.last: deque[str] = deque(maxlen=text_cells.SHOWN_LINES)
         self.is_unrecognised = False
         self.follows_headers = columns is None and not said
         self._known: set[str] = set()  # lines in which the columns were found
@@ -470,14 +468,6 @@ class _TimeCheck:
 
 def _begins_with_number(text: str) -> bool:
     return text.lstrip()[:1] in set("0123456789+-.")
-
-
-def last_whole_lines(data: bytes) -> tuple[str, ...]:
-    """Return the last whole lines in bytes from anywhere in a stream; none if they are no text."""
-    lines = [line for line in re.split(rb"[\r\n]+", data)[1:-1] if line.strip()]
-    shown = [line.decode("utf-8", "replace") for line in lines[-_SEEN:]]
-    is_text = all(line.replace("\t", " ").isprintable() and "\ufffd" not in line for line in shown)
-    return tuple(shown) if shown and is_text else ()
 
 
 class TextEncoder:

@@ -23,7 +23,8 @@ from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.decoder import Decoder
 from lab.data.protocols.recognition import recognise, sound_frames
 from lab.data.protocols.samples import Samples, join_samples
-from lab.data.protocols.text_lines import TextLines, last_whole_lines
+from lab.data.protocols.text_cells import last_whole_lines
+from lab.data.protocols.text_lines import TextLines
 from lab.data.streams.raw_recording import (
     DATA,
     MAGIC,

@@ -169,6 +169,84 @@ class RawWriter:
                 self.failure = self._describe(error)
 
 
+class Recorder:
+    """The recording of a source, if one runs: if it fails, the stream goes on without it.
+
+    Parameters
+    ----------
+    note
+        Called with a sentence about a recording that failed.
+
+    Attributes
+    ----------
+    writer : RawWriter or None
+        Writes the recording that runs.
+    """
+
+    def __init__(self, note: Callable[[str], None]) -> None:
+        self.writer: RawWriter | None = None
+        self._note = note
+        self._last = ("", 0)
+        self._failure = ""
+
+    @property
+    def path(self) -> Path | None:
+        """The file of the recording; None if none runs."""
+        writer = self.writer  # read once: another thread may end the recording meanwhile
+        return None if writer is None else writer.path
+
+    @property
+    def recorded(self) -> tuple[str, int]:
+        """Path and size [bytes] of the recording that runs, or of the last one."""
+        writer = self.writer
+        return self._last if writer is None else (str(writer.path), writer.bytes)
+
+    @property
+    def warning(self) -> str:
+        """Why the last recording failed, or how little room is left; empty if nothing is wrong."""
+        writer = self.writer
+        return self._failure or ("" if writer is None else writer.warning)
+
+    def begin(self, path: str | os.PathLike[str], header: Mapping[str, Any]) -> None:
+        """Begin a recording; raises `RecordingError` as `RawWriter`, or if another one runs."""
+        if self.writer is not None:
+            raise RecordingError(f"{self.writer.path}: is being recorded; stop it first")
+        self.writer = RawWriter(path, header)
+        self._last, self._failure = (str(path), 0), ""
+
+    def accept(self, chunk: Chunk) -> None:
+        """Write bytes that arrived, if a recording runs."""
+        self._write(lambda writer: writer.accept(chunk))
+
+    def report(self, event: Mapping[str, Any], arrival: float) -> None:
+        """Write what happened at a time, if a recording runs."""
+        self._write(lambda writer: writer.tell(arrival, event))
+
+    def end(self) -> Path | None:
+        """End the recording; return its path, or None if none runs."""
+        writer, self.writer = self.writer, None
+        if writer is None:
+            return None
+        self._last = str(writer.path), writer.bytes
+        writer.close()
+        if writer.failure:
+            self._fail(writer.failure)
+        return writer.path
+
+    def _write(self, write: Callable[[RawWriter], None]) -> None:
+        if self.writer is None:
+            return
+        try:
+            write(self.writer)
+        except RecordingError as error:
+            self.end()
+            self._fail(str(error))
+
+    def _fail(self, why: str) -> None:
+        self._failure = why
+        self._note(why)
+
+
 def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return what a raw recording says of its source.
 

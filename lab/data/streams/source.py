@@ -19,8 +19,7 @@ from lab.data.streams.raw_recording import (
     NEW_AXES,
     NEW_COLUMNS,
     NEW_UNIT,
-    RawWriter,
-    RecordingError,
+    Recorder,
 )
 from lab.data.streams.reception import Reception
 from lab.data.streams.ring import Cursor, Read, Ring
@@ -98,11 +97,9 @@ class Source:
         self._arrival = self._heard  # of the last bytes; of a replay, that recorded
         self._events: tuple[Event, ...] = ()
         self._losses: tuple[Event, ...] = ()
-        self._writer: RawWriter | None = None
+        self._recorder = Recorder(self._note_event)
         self._first_bytes = FirstBytes()
         self._latest: deque[bytes] = deque(maxlen=LATEST[0])
-        self._recorded = ("", 0)
-        self._warning = ""
         self._rescaled = 0
         self._thread = threading.Thread(target=self._run, name=f"live {self.address}", daemon=True)
 
@@ -175,8 +172,7 @@ class Source:
     @property
     def recording(self) -> Path | None:
         """The file into which the bytes are being recorded; None if none is."""
-        writer = self._writer
-        return None if writer is None else writer.path
+        return self._recorder.path
 
     @property
     def axes(self) -> AxisMap:
@@ -188,8 +184,7 @@ class Source:
         with self._lock:
             self._reception.rows.axes = axes
             self._note_event(f"The axes are {axes} now.")
-            if self._writer is not None:
-                self._report({NEW_AXES: str(axes)}, self._arrival)
+            self._recorder.report({NEW_AXES: str(axes)}, self._arrival)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -224,7 +219,7 @@ class Source:
         with self._lock:
             self._reception.answer(unit)
             self._rescale()
-            self._report({NEW_UNIT: unit}, self._arrival)
+            self._recorder.report({NEW_UNIT: unit}, self._arrival)
 
     def name_columns(self, said: Mapping[str, str]) -> None:
         """Say what the columns of text are, by heading or number; raw recordings note it.
@@ -238,7 +233,7 @@ class Source:
             self._append_samples(*self._reception.name_columns(said))
             written = ";".join(f"{name}={text}" for name, text in said.items())
             self._note_event(f"The columns are {written} now.")
-            self._report({NEW_COLUMNS: written}, self._arrival)
+            self._recorder.report({NEW_COLUMNS: written}, self._arrival)
 
     def _rescale(self) -> None:
         """Give all samples the unit that their angular rates have."""
@@ -294,8 +289,7 @@ class Source:
         # By the clock of the arrivals, which may not be the host's.
         rates = measure_rates(self._ring.last(*_LOOKED_AT), now + self._arrival - self._heard)
         rate, fix_rate, jitter, latency = rates
-        writer = self._writer
-        path, size = (str(writer.path), writer.bytes) if writer else self._recorded
+        path, size = self._recorder.recorded
         return Status(
             state=state,
             sentence=sentence,
@@ -319,7 +313,7 @@ class Source:
             clock=reception.imu.watch.events[-1].text if reception.imu.watch.events else "",
             recording=path,
             recorded=size,
-            warning=self._warning or (writer.warning if writer else ""),
+            warning=self._recorder.warning,
             events=self._events,
             doubt=reception.doubt,
             question=reception.question,
@@ -361,13 +355,10 @@ class Source:
             If the file exists or cannot be made, or another recording runs.
         """
         with self._lock:
-            if self._writer is not None:
-                raise RecordingError(f"{self._writer.path}: is being recorded; stop it first")
             about = {"address": self.address, **self._reception.header, **self._header}
-            self._writer = RawWriter(path, about)
-            self._recorded, self._warning = (str(path), 0), ""
+            self._recorder.begin(path, about)
             for chunk in self._first_bytes:
-                self._record(chunk)
+                self._recorder.accept(chunk)
 
     def stop_recording(self, path: Path | None = None) -> Path | None:
         """End the recording; return its path, or None if none runs.
@@ -380,19 +371,7 @@ class Source:
         with self._lock:
             if path is not None and path != self.recording:
                 return None
-            writer, ended = self._writer, self._end_recording()
-            if writer is not None and writer.failure:
-                self._warning = writer.failure
-                self._note_event(writer.failure)
-            return ended
-
-    def _end_recording(self) -> Path | None:
-        writer, self._writer = self._writer, None
-        if writer is None:
-            return None
-        self._recorded = str(writer.path), writer.bytes
-        writer.close()
-        return writer.path
+            return self._recorder.end()
 
     def _run(self) -> None:
         """Open, read and open again, until it is closed or nothing more will come."""
@@ -449,7 +428,7 @@ class Source:
 
     def _accept(self, chunk: Chunk) -> None:
         with self._lock:
-            self._record(chunk)
+            self._recorder.accept(chunk)
             self._latest.append(chunk.data[-LATEST[1] :])
             self._heard, self._arrival = self._clock(), chunk.arrival
             decided = self._reception.decided
@@ -467,9 +446,6 @@ class Source:
                 self._first_bytes.add(chunk)
                 self._progress.without(self._heard, self._reception.detector.statistics.frames)
 
-    def _record(self, chunk: Chunk) -> None:
-        self._keep(lambda: self._writer.accept(chunk) if self._writer else None)
-
     def _append_samples(self, imu: Any, fix: Any) -> None:
         readings = self._reception.taken_readings()
         if len(imu) or len(fix) or len(readings):
@@ -478,18 +454,6 @@ class Source:
                 self._newest = float(imu["time"][-1]) if len(imu) else self._newest
                 if len(fix) or len(readings) or self._newest >= min(self._awaited, default=math.inf):
                     self._changed.notify_all()
-
-    def _keep(self, write: Callable[[], None]) -> None:
-        """Write to the recording; if that fails the stream goes on without it."""
-        try:
-            write()
-        except RecordingError as error:
-            self._end_recording()
-            self._warning = str(error)
-            self._note_event(str(error))
-
-    def _report(self, event: Mapping[str, Any], now: float) -> None:
-        self._keep(lambda: self._writer.tell(now, event) if self._writer else None)
 
     def _note_loss(self, error: OSError, *, opened: bool) -> None:
         """Note that the device is gone, or not there yet."""
@@ -502,8 +466,7 @@ class Source:
                 self._first_bytes = FirstBytes()
                 self._tell_of_the_clock()
                 self._losses = (*self._losses, Event(self._arrival, why))[-MOST_EVENTS:]
-                if self._writer is not None:
-                    self._report({DEVICE_LOST: why}, self._arrival)
+                self._recorder.report({DEVICE_LOST: why}, self._arrival)
         again = "it is tried again." if self._transport.reconnects else "it ends here."
         self._set(LOST, f"{'Lost' if self._reached else 'Not reached'}: {why}; {again}", reported=first)
 

@@ -15,7 +15,8 @@ from lab.data.protocols.column_map import ColumnMap
 from lab.data.protocols.decoder import Decoder, Statistics
 from lab.data.protocols.recognition import recognise, sound_frames
 from lab.data.protocols.samples import Samples
-from lab.data.protocols.text_lines import TextLines, last_whole_lines
+from lab.data.protocols.text_cells import last_whole_lines
+from lab.data.protocols.text_lines import TextLines
 from lab.data.streams.transport import Chunk
 
 RECOGNISED = 1.0

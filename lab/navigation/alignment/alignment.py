@@ -102,11 +102,7 @@ class Alignment(NamedTuple):
             )
         heading = f"heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°."
         return " ".join(
-            (
-                f"{levelled}; {heading}",
-                *_describe_lateness(self.heading),
-                *_describe_crooked_axes(self.heading),
-            )
+            (f"{levelled}; {heading}", *_describe_lateness(self.heading), *_describe_axes(self.heading))
         )
 
 
@@ -121,7 +117,7 @@ def _describe_lateness(found: Found) -> tuple[str, ...]:
     )
 
 
-def _describe_crooked_axes(found: Found) -> tuple[str, ...]:
+def _describe_axes(found: Found) -> tuple[str, ...]:
     """Return a sentence about the axes of the IMU, if the course contradicts the heading."""
     apart = np.degrees(found.course_apart)
     if not np.isfinite(apart):
@@ -172,9 +168,7 @@ def align(
     acceleration, spread = (np.zeros(3), 0.0) if rest else _acceleration(imu, fixes, velocity_sigma, length)
     force_n = acceleration - (0, 0, g)
     bias, bias_sigma = (
-        (_mean_rate(imu, rest), np.zeros(3))
-        if rest
-        else _gyro_bias_of_straight_seconds(imu, fixes, velocity_sigma)
+        (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight_gyro_bias(imu, fixes, velocity_sigma)
     )
     found = _heading(imu, fixes, velocity_sigma, hints, bias, rest)
     if not rest and (found.gyro_bias is not None or not hints.vehicle.follows_nose):
@@ -199,8 +193,7 @@ def align(
         )
         bias = bias - up
         noise = np.maximum(limits.ALIGNMENT.rest_noise, np.sqrt(assumed.noise[:3]))
-        # The level part of the Earth's rate depends on the heading, which is unknown here: it stays in the
-        # bias.
+        # The level part of the Earth's rate depends on the unknown heading: it stays in the bias.
         bias_sigma = np.maximum(earth.RATE, noise / np.sqrt(rest))
     rate = (
         np.zeros(3)
@@ -296,7 +289,7 @@ def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float
     # Without a force across the forward axis, as of a device that stands on its nose, any roll will do.
     roll = -np.arccos(np.clip(right / across, -1, 1)) - np.arctan2(force[2], force[1]) if across else 0.0
     below = force[1] * np.sin(roll) + force[2] * np.cos(roll)
-    # The force in the plane of forward and down, in b and in n: the pitch is the angle between them.
+    # The pitch is the angle between the force forward and down in b and that in n.
     pitch = np.arctan2(below, force[0]) - np.arctan2(down, ahead)
     return float(wrap(roll)), float(wrap(pitch))
 
@@ -340,9 +333,7 @@ def _mean_rate(imu: Imu, length: float) -> FloatArray:
     return np.asarray(imu.dtheta[:last].sum(axis=0) / (imu.time[last] - imu.time[0]))
 
 
-def _gyro_bias_of_straight_seconds(
-    imu: Imu, fixes: Fixes, velocity_sigma: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _straight_gyro_bias(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the gyro bias (3,) as the median rate in straight seconds, and its σ [rad/s].
 
     A vehicle on a constant course has a constant attitude on average. Without ten such seconds, the course
@@ -383,8 +374,8 @@ def _along_course(
     mean : (3,) array
         Mean rate of the whole record, the σ about level axes [rad/s].
     """
-    # Twice the difference is unwrapped, then halved: a jump of the course by π is none of twice the course.
-    turning = np.interp(time, imu.time, _integrate_heading_angle(imu, np.zeros(3)))
+    # Twice the difference: a jump of the course by π is none of twice the course.
+    turning = np.interp(time, imu.time, _heading_turn(imu, np.zeros(3)))
     apart = np.unwrap(2 * (course - turning)) / 2
     since = time - time.mean()
     slope = float(since @ apart) / float(since @ since)
@@ -443,12 +434,12 @@ def _acceleration(
     time = fixes.time[near] - start
     slope = np.polyfit(time, fixes.velocity_n[near], 1)[0]
     variance = (velocity_sigma[near] ** 2).mean(axis=0) / ((time - time.mean()) ** 2).sum()
-    # The usual acceleration of a vehicle is a prior around zero: noisy velocities hardly move it.
+    # A prior around zero: noisy velocities hardly move it.
     known = limits.ALIGNMENT.acceleration_sigma**2 / (limits.ALIGNMENT.acceleration_sigma**2 + variance)
     return slope * known, float(np.sqrt((variance * known)[:2].max()))
 
 
-def _integrate_heading_angle(imu: Imu, bias: FloatArray) -> FloatArray:
+def _heading_turn(imu: Imu, bias: FloatArray) -> FloatArray:
     """Return the angle (n + 1,) by which a nearly level IMU has rotated about the vertical [rad]."""
     turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ _vertical_in_body(imu)
     return np.concatenate(([0.0], np.cumsum(turned)))
@@ -458,7 +449,7 @@ def _heading(
     imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints, bias: FloatArray, rest: float
 ) -> Found:
     """Return the heading at the first sample: given, or from antennas, course and velocities."""
-    turning = _integrate_heading_angle(imu, bias)
+    turning = _heading_turn(imu, bias)
     vehicle = hints.vehicle
     course = by_course(imu, fixes, velocity_sigma, turning, rest, vehicle)
     antennas = by_antennas(imu, hints.headings, turning, rest)

@@ -235,9 +235,9 @@ def test_a_recording_that_fails_leaves_the_stream(tmp_path: Path) -> None:
     source.record(tmp_path / "full.inslab")
     with pytest.raises(RecordingError, match="is being recorded"):
         source.record(tmp_path / "other.inslab")
-    assert source._writer is not None
-    source._writer._file.close()  # type: ignore[union-attr]  # as if the disk were gone
-    source._writer._file = Path("/dev/full").open("wb", buffering=0)  # type: ignore[assignment]  # noqa: SIM115
+    assert source._recorder.writer is not None
+    source._recorder.writer._file.close()  # type: ignore[union-attr]  # as if the disk were gone
+    source._recorder.writer._file = Path("/dev/full").open("wb", buffering=0)  # type: ignore[assignment]  # noqa: SIM115
     transport.steps = held
     with source:
         until(lambda: source.end.imu == 400)
@@ -252,11 +252,13 @@ def test_a_stop_while_the_disk_is_full_is_told_and_what_was_written_stays(tmp_pa
     source.record(path)
     with source:
         until(lambda: source.end.imu == 40)  # in the buffer, but for the first: a second has not passed
-        assert source._writer is not None
-        assert source._writer._file is not None
+        assert source._recorder.writer is not None
+        assert source._recorder.writer._file is not None
         with Path("/dev/full").open("wb") as full:
-            os.dup2(full.fileno(), source._writer._file.fileno())
-        source._writer._file.write(b"\0")  # there is something to write at the end, however slow this is
+            os.dup2(full.fileno(), source._recorder.writer._file.fileno())
+        source._recorder.writer._file.write(
+            b"\0"
+        )  # there is something to write at the end, however slow this is
         assert source.stop_recording() == path
         assert "No space left" in source.status.warning
         assert "what was written stays" in source.status.events[-1].text
