@@ -20,7 +20,7 @@ def qr_code(text: str) -> Code:
     return tuple(tuple(bool(one) for one in row) for row in code.matrix_iter(border=4))
 
 
-def qr_svg(code: Sequence[Sequence[bool]], label: str, size: int = QR_SIZE) -> str:
+def qr_svg(code: Sequence[Sequence[bool]], label: str) -> str:
     """Return a QR code as SVG, dark on white in both colour schemes: not every camera reads the reverse.
 
     Parameters
@@ -29,8 +29,6 @@ def qr_svg(code: Sequence[Sequence[bool]], label: str, size: int = QR_SIZE) -> s
         Rows of modules, True is dark, with the quiet zone.
     label
         What it is, for those who do not see it.
-    size
-        Side [px].
     """
     path = []
     for down, row in enumerate(code):
@@ -42,7 +40,8 @@ def qr_svg(code: Sequence[Sequence[bool]], label: str, size: int = QR_SIZE) -> s
             at += length
     side = len(code)
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}" height="{size}" viewBox="0 0 {side} {side}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{QR_SIZE}" height="{QR_SIZE}" '
+        f'viewBox="0 0 {side} {side}" '
         f'shape-rendering="crispEdges" role="img" aria-label="{escape(label)}">'
         f'<rect width="{side}" height="{side}" fill="#fff"/><path d="{"".join(path)}" fill="#000"/></svg>'
     )

@@ -108,16 +108,10 @@ def phone_station(key: int, name: str, sensors: SensorSuite, navigator: Navigato
     return Station(open_source(transport, protocol="phone", axes=AXES, name=name), sensors, navigator, name)
 
 
-def warning_svg(width: int = 300) -> str:
-    """Return a picture of the browser's warning on a phone: where to tap first, and where then.
-
-    Parameters
-    ----------
-    width
-        Of the picture [px].
-    """
+def warning_svg() -> str:
+    """Return a picture of the browser's warning on a phone: where to tap first, and where then."""
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" viewBox="0 0 300 230" role="img" '
+        '<svg xmlns="http://www.w3.org/2000/svg" width="300" viewBox="0 0 300 230" role="img" '
         'aria-label="First tap Advanced, then Continue" font-family="system-ui, sans-serif" '
         'fill="currentColor">'
         + _phone(

@@ -57,6 +57,9 @@ the filter: a step is a small part of the σ of a parameter."""
 UNLIKE = 4.0
 """Ratio of both sides above which it is one: smooth changes are alike within some percent, and a jump is a
 thousand times as large."""
+FALSE_ALARM = 0.001
+"""Probability of χ² beyond which innovations are not white, of all channels together. Of 175 white fixes,
+Q is beyond it in 1 % of the cases: its own tail is heavier."""
 STIFFEST = 1e8
 """Damping at which the search ends without a step."""
 
@@ -389,23 +392,14 @@ def long_run_covariance(scores: FloatArray) -> FloatArray:
     return np.asarray(total)
 
 
-def is_white(seen: InnovationSeries, probability: float = 0.001) -> bool:
-    """Return whether no channel of the innovations is autocorrelated over the first lags.
-
-    Parameters
-    ----------
-    seen
-        The innovations.
-    probability
-        False-alarm probability of χ² for white innovations, of all channels together. Of 175 fixes, Q is
-        beyond it in 1 % of the cases: its own tail is heavier.
-    """
+def is_white(seen: InnovationSeries) -> bool:
+    """Return whether no channel of the innovations is autocorrelated over the first lags."""
     normalised = seen.innovation / np.sqrt(np.diagonal(seen.covariance, axis1=1, axis2=2))
     for channel in normalised.T:
         known = channel[np.isfinite(channel)]
         if known.size > FEWEST:
             found = autocorrelation(known[:, None], min(MAX_LAG, known.size // VALUES_PER_LAG))
             _, p = ljung_box(found, known.size)
-            if float(np.min(p)) < probability / normalised.shape[1]:
+            if float(np.min(p)) < FALSE_ALARM / normalised.shape[1]:
                 return False
     return True

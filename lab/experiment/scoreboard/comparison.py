@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -454,6 +454,6 @@ _NOTES = {
 """What must be known with the figures of a program."""
 
 
-def rows_not_run(about: DataSet, programs: Sequence[str] = PROGRAMS) -> list[Row]:
+def rows_not_run(about: DataSet) -> list[Row]:
     """Return rows of a set that never ran."""
-    return [Row(about.name, program, AWAITED) for program in programs]
+    return [Row(about.name, program, AWAITED) for program in PROGRAMS]
