@@ -230,6 +230,13 @@ SCALE_STATES = (
     "sensors.accelerometer.scale_factor_sigma=0.02",
 )
 
+CARD_STATES = (
+    "navigator.states=21",
+    "navigator.estimate_misalignments=true",
+    "navigator.estimate_g_sensitivity=true",
+)
+"""The states that cards of sensors bring: this filter is compiled for other tests too."""
+
 OTHERS = (
     *("sensors.barometer.fitted=true", "sensors.heading.fitted=true", "sensors.odometer.fitted=true"),
     *("sensors.barometer.noise=0.003", "sensors.heading.noise=0.01", "sensors.odometer.noise=0.001"),
@@ -280,9 +287,7 @@ def test_one_misalignment_with_a_state_acts_as_the_filter_believes() -> None:
     """A given misalignment alone in its triad is one number, as in P0; the others are zero and certain."""
     triads = ("gyro", "[0,0.1,0,0,0,0]"), ("accelerometer", "[0,0,0,0,0.1,0]")
     misaligned = (f"sensors.{triad}.misalignment={values}" for triad, values in triads)
-    # With 21 states, so that the filter is the one of the tests of these states, compiled already.
-    settings = (*SMALL, "navigator.states=21", "navigator.estimate_misalignments=true")
-    found = error_budget(made(*settings, *misaligned, "trajectory.imu_rate=50").run())
+    found = error_budget(made(*SMALL, *CARD_STATES, *misaligned, "trajectory.imu_rate=50").run())
     np.testing.assert_allclose(found.total, found.believed, rtol=1e-2)  # at 50 Hz
     share = found.share.sel(source="gyro misalignment", quantity="gyro misalignment xz")
     assert float(share[0]) == pytest.approx(100)
@@ -295,9 +300,9 @@ def test_one_misalignment_with_a_state_acts_as_the_filter_believes() -> None:
 
 def test_a_tilt_of_misaligned_accelerometers_after_an_alignment_is_theirs() -> None:
     """Gravity through xz tilts the navigator as much as it is measured in flight: both are one number."""
-    states = "navigator.states=21", "navigator.estimate_misalignments=true", "navigator.alignment=20"
     tilted = "navigator.attitude_sigma=[0.1,0.1,0.02]", "sensors.accelerometer.misalignment=[0,0.01,0,0,0,0]"
-    found = error_budget(made(*SMALL, *states, *tilted, "trajectory.imu_rate=50").run())
+    settings = *SMALL, *CARD_STATES, "navigator.alignment=20", "trajectory.imu_rate=50"
+    found = error_budget(made(*settings, *tilted).run())
     np.testing.assert_allclose(found.total, found.believed, rtol=1e-2)
     share = found.share.sel(source="accelerometer misalignment", quantity="pitch")
     assert float(share[0]) > 80
