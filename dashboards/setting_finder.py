@@ -61,7 +61,7 @@ class SettingFinder:
             label="Find a setting",
             size="small",
             variant="outlined",
-            margin=(6, 0),
+            margin=(10, 0, 6, 0),
             sizing_mode="stretch_width",
         )
         self._only = pmui.Toggle(

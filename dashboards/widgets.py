@@ -422,7 +422,7 @@ class TextField(Field):
         self._widget.value = shown(value)
         if self._lock is not None:
             name = str(self.declaration.label)
-            words = f"{name} {FOLLOWS}" if value is None else f"Let {name} follow the sensor again"
+            words = f"{name} {FOLLOWS}" if value is None else f"{name}: follow the sensor again"
             self._lock.param.update(icon="lock" if value is None else "lock_open", description=words)
 
     def _typed(self, event: param.parameterized.Event) -> None:
