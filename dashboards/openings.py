@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from contextvars import Context
 from functools import partial
 from typing import Any
-from weakref import WeakKeyDictionary, ref
+from weakref import WeakKeyDictionary, WeakSet, ref
 
 from bokeh.application.application import SessionContext
 from bokeh.application.handlers.handler import Handler
@@ -40,9 +40,12 @@ nothing of it refers to any more."""
 MUCH = 200 * 2**20
 """Memory taken since the last full collection from which there is another one [bytes]: two streams at 1 kHz,
 which are few objects."""
-LEFT = 8.0
-"""Time from which a page may end whose browser has left it [s]: a page that is loaded again is there by then,
-and goes on with its stream."""
+LEFT = 2.0
+"""Time from which a page may end whose browser has left it [s]. Pages that are opened and left one after the
+other are then few at once: Python keeps the memory that most of them had together."""
+GOES_ON = 8.0
+"""The same for a page with a stream or a place in a class [s]: a page that is loaded again is there by then,
+and goes on with it."""
 STILL = 2.0
 """Time without a run after which a full collection may begin [s]: it takes half a second, so nobody may be
 moving a slider."""
@@ -59,6 +62,9 @@ MOST = 3_000_000
 second for them. The imports are 1.2 million, and a page has 100,000 to 300,000."""
 
 Turn = Callable[[], "asyncio.Future[None]"]
+
+_go_on: WeakSet[Document] = WeakSet()
+"""Documents of pages with a stream or a place in a class."""
 
 
 class Openings(Handler):
@@ -237,10 +243,19 @@ class Openings(Handler):
                 self._models.setdefault(document, set()).update(map(ref, document.models))
 
 
-def pages_wait(document: Document) -> bool:
-    """Return whether pages wait for their turn to open on the server of a document."""
-    found = Openings.of(document)
-    return found is not None and found.busy
+def end_later(document: Document) -> None:
+    """Have a page end later, because the page that is loaded again goes on with what it has."""
+    _go_on.add(document)
+
+
+def may_not_end(document: Document) -> bool:
+    """Return whether a page that its browser has left must stay for the one that is loaded again."""
+    openings = Openings.of(document)
+    if openings is not None and openings.busy:
+        return True
+    session = getattr(document.session_context, "session", None)
+    left = 0.0 if session is None else session.milliseconds_since_last_unsubscribe / 1000
+    return document in _go_on and left < GOES_ON
 
 
 def _living_objects(some: Iterable[ref[Any]]) -> list[Any]:

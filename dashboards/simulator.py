@@ -8,7 +8,7 @@ from dashboards.computing import share_interpreter
 from dashboards.headers import PROTECTED
 from dashboards.log_limit import limit_log
 from dashboards.messages import bound_messages
-from dashboards.openings import LEFT, pages_wait
+from dashboards.openings import LEFT, may_not_end
 from dashboards.page import SimulatorPage
 from dashboards.upstream.component_files import PACKAGES, give_files_of_loaded_components
 from dashboards.upstream.exits import outlive_exits
@@ -24,7 +24,7 @@ limit_log()
 bound_messages()
 refuse_values()
 speed_up()
-end_left_pages(LEFT, pages_wait)
+end_left_pages(LEFT, may_not_end)
 share_interpreter()
 keep_few_freed_blocks()
 if pn.state.curdoc is not None:

@@ -8,6 +8,7 @@ from typing import Any
 import panel as pn
 
 from dashboards.kept import Kept
+from dashboards.openings import end_later
 from dashboards.style import plain_column
 from dashboards.teaching.class_link import code_of
 from dashboards.teaching.class_register import CLASSES, is_code
@@ -131,5 +132,6 @@ class ClassBar:
         bar.begin()
 
     def _place(self, view: pn.viewable.Viewable) -> None:
+        end_later(self._desk.document)
         self.view[:] = [view]
         self.view.visible = True

@@ -328,10 +328,10 @@ def end_left_pages(after: float, waits: Callable[[Document], bool]) -> None:
     Parameters
     ----------
     after
-        The time [s]: a page that is loaded again finds what the one before it still holds.
+        The time [s].
     waits
-        Whether pages still wait to be opened on the server of a document: the one that is loaded again may be
-        among them, so the one before it stays for another such time.
+        Whether the page of a document must still stay, because the one that is loaded again goes on with what
+        it holds; it then stays for another such time.
     """
     on_close = WSHandler.on_close
     if on_close.__module__ == __name__:

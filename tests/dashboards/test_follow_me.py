@@ -13,6 +13,7 @@ import pytest
 from panel.io.state import set_curdoc
 from walking import PATIENCE, PAUSE, Walk, walking
 
+from dashboards.openings import may_not_end
 from dashboards.pages.lessons.lessons import Lessons
 from dashboards.teaching import teacher
 from dashboards.teaching.class_bar import NO_CLASS
@@ -137,6 +138,7 @@ def test_students_see_settings_tab_and_time_without_another_run(room: Room) -> N
     room.teacher.page._time_bar.go(42.0)
     room.set(NOISE, 0.2)
     late = room.student()  # sees the present state at once
+    assert all(may_not_end(one._document) for one in (room.teacher, early, late))
     for student in (early, late):
         settle(student)
         assert student.page.session.experiment.to_dict() == room.teacher.page.session.experiment.to_dict()

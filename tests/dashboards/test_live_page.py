@@ -15,6 +15,7 @@ from xplane_simulator import XPlaneSimulator, montreal
 import dashboards.pages.live.live as live_module
 from dashboards import devices, phones
 from dashboards.devices import STATIONS, allow_devices, allowed_devices
+from dashboards.openings import may_not_end
 from dashboards.pages.live import Live
 from dashboards.pages.live.source_fields import PHONE, SIMULATED, WATCHED
 from dashboards.serve_command import free_port
@@ -129,7 +130,9 @@ def test_the_simulated_device_is_shown_and_navigated_with(opened: Callable[[], O
 def test_two_pages_share_one_source(opened: Callable[[], Opened]) -> None:
     first, second = opened(), opened()
     station = first.connect()
+    assert not may_not_end(second.page._document)
     assert second.connect() is station
+    assert may_not_end(second.page._document)
     first.page._toggle()
     assert STATIONS.keys()
     assert not station.source.ended

@@ -358,6 +358,17 @@ def test_a_page_opens_in_steps_while_another_is_open() -> None:
     assert not turns.is_crowded(session.document)  # its own page
 
 
+def test_a_page_with_a_stream_stays_until_the_one_that_is_loaded_again_may_be_there() -> None:
+    document, left = Document(), SimpleNamespace(milliseconds_since_last_unsubscribe=0.0)
+    context: Any = SimpleNamespace(session=left)
+    document._session_context = lambda: context
+    assert not openings.may_not_end(document)
+    openings.end_later(document)
+    for seconds, stays in ((openings.LEFT, True), (7.9, True), (8.1, False)):
+        left.milliseconds_since_last_unsubscribe = 1000 * seconds
+        assert openings.may_not_end(document) == stays
+
+
 def test_a_page_that_asks_while_memory_goes_back_has_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     begun, asked = Event(), Event()
 

@@ -9,6 +9,7 @@ import panel_material_ui as pmui
 
 from dashboards.computing import LONG
 from dashboards.devices import STATIONS
+from dashboards.openings import end_later
 from dashboards.pages.base import Page, plot_grid
 from dashboards.pages.live.allan_part import AllanPart
 from dashboards.pages.live.attitude_readout import AttitudeReadout
@@ -327,6 +328,8 @@ class Live(PartOfWatched, Page):
             self._job.say(describe_difference(station.name, differences, others), "warning")
             return
         self._watched = watched = Watched(key, watcher, station, self._session.visitor)
+        assert self._document is not None
+        end_later(self._document)
         self._connect.param.update(label="Disconnect", icon="sensors_off", color="default")
         self._pause.param.update(disabled=False, label="Pause", icon="pause")
         self._fields.view.visible = False  # they have no effect until the next source
