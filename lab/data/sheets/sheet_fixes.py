@@ -315,8 +315,12 @@ def _is_of_nose(
     """Return whether a heading beside roll and pitch is not the direction of motion: in wind they differ."""
     if not (sheet.all_of("roll") and sheet.all_of("pitch")) or not _OF_NOSE.search(course.name):
         return False
-    step = _steps(position)
-    written = _course_unit(course, rows, time, position).values[rows][1:]
+    written = np.exp(1j * _course_unit(course, rows, time, position).values[rows])
+    # Noise of the positions turns the way from one to the next, and not that of a second.
+    usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    leg = slice(None, None, max(1, round(1.0 / usual)) if usual > 0 else 1)
+    time, step, written = time[leg], _steps(position[leg]), written[leg]
+    written = np.angle(written[1:] + written[:-1])
     fast = (np.abs(step) > _FAST_ENOUGH * np.diff(time)) & np.isfinite(written)
     return bool(fast.sum() >= _MIN_LEGS and np.median(np.abs(wrap(np.angle(step) - written)[fast])) > _CRAB)
 

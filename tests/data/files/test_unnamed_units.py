@@ -58,6 +58,19 @@ def test_a_pause_of_the_logger_shows_no_unit(made):
     np.testing.assert_allclose(found.gnss.velocity_n[:, :2], rows[:, 4:], atol=1e-9)
 
 
+@pytest.mark.parametrize("crab", [0.0, 6.0])
+def test_noise_of_positions_makes_no_crab_angle(crab):
+    """At 5 Hz and 30 m/s, 0.3 m turn the way from fix to fix by 4°; a wind of 3 m/s turns the nose by 6°."""
+    t = np.arange(0, 60, 0.2)
+    course = 0.5 + np.sin(t / 8)
+    noise = np.random.default_rng(2).normal(scale=0.3, size=(2, t.size))
+    north, east = (np.cumsum(30 * 0.2 * f(course)) + n for f, n in zip((np.cos, np.sin), noise, strict=True))
+    place = np.column_stack((50 + north / 111_200, 8 + east / (111_300 * np.cos(np.radians(50)))))
+    rows = np.column_stack((t, place, 0 * t, 30 + 0 * t, np.degrees(course) + crab, 0 * t, 0 * t))
+    found = fixes("time,lat,lon,alt,speed,heading_deg,roll,pitch", rows)
+    assert np.isfinite(found.gnss.velocity_n[:, :2]).all() == (crab == 0)
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("0.01°", 100), ("1e-5°", 1e5)])
 def test_whole_numbers_of_a_course(made, unit, factor):
     speed, course = speed_and_course(made)
