@@ -32,8 +32,9 @@ _ROS = "angular velocity"
 """How headings of ROS name gyros, which are in rad/s (REP 103)."""
 
 
-_LARGEST_BIAS = 0.5
-"""Angular rate that no MEMS shows at rest [rad/s]: data sheets allow 20 °/s (MPU-6050), which is 0.35."""
+_BIAS_IN_DEGREES = (0.5, 30.0)
+"""Numbers that are a bias in °/s and none in rad/s: data sheets allow 20 °/s (MPU-6050), which is 0.35 rad/s.
+Counts of a converter are larger, or whole numbers."""
 
 
 class Samples(NamedTuple):
@@ -159,7 +160,8 @@ def _unit_of_gyros(gyro: Triad) -> tuple[str, str]:
     if gyro.headings[0].sensor.endswith(_ROS):
         return "rad/s", ""
     size = float(np.linalg.norm(np.nanmedian(gyro.values, axis=0)))
-    if size > _LARGEST_BIAS:
+    is_counted = not (gyro.values[np.isfinite(gyro.values)] % 1).any()
+    if _BIAS_IN_DEGREES[0] < size < _BIAS_IN_DEGREES[1] and not is_counted:
         return "°/s", f" (guessed: at rest they are {size:.3g}, more than any bias in rad/s)"
     first = gyro.headings[0].text
     raise MissionError(

@@ -167,6 +167,9 @@ def test_a_rest_shows_the_unit_of_gyros_whose_bias_none_has_in_radians(tmp_path:
     records = rest.read_log(_write(tmp_path / "imu.csv", table, "t_s,gx,gy,gz,fx_m_s2,fy_m_s2,fz_m_s2"))
     np.testing.assert_allclose(records["gyro"].rates, np.radians(table[:, 1:4]), atol=1e-12)
     assert any("in °/s (guessed" in remark for remark in records.remarks)
+    table[:, 1:4] = np.rint(131 * table[:, 1:4])  # counts of its converter
+    with pytest.raises(MissionError, match="do not name their unit"):
+        rest.read_log(_write(tmp_path / "imu.csv", table, "t_s,gx,gy,gz,fx_m_s2,fy_m_s2,fz_m_s2"))
 
 
 def test_a_table_whose_t_is_a_temperature_has_no_time_stamps(tmp_path: Path) -> None:

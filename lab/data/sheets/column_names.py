@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lab.base.files.mission_error import MissionError
 from lab.data.files.unit_names import UNITS, unit_of
@@ -74,11 +74,13 @@ IGNORED = "-"
 """Stands for a column that is not read."""
 
 _CALIBRATED = re.compile(r"(?i)_cal$")
+_RAW = re.compile(r"(?i)^raw[\s_.]*(?=[a-z])|(?<=[a-z])[\s_.]*\(?raw\)?$")
+"""The word raw before or behind a heading, such as ``ax_raw``."""
 _BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _BRACES = str.maketrans("{<>}", "[[]]")
 _UNIT_BEHIND = re.compile(r"(.+?)(?:,\s*|\s/\s*|[\s_]in[\s_])([^,()\[\]]{1,24})")
 """A unit behind a comma, a fraction bar or the word "in"."""
-_DATUM = re.compile(r"(?i)(?<=\S)\s+(?:a?msl|asl|true)$")
+_DATUM = re.compile(r"(?i)(?<=\S)\s+(?:a?msl|asl|true)$|(?i:(?<=deg)|(?<=degrees)|(?<=°))\s*T$")
 """What may follow a unit: above what, or from which north."""
 _AXIS = re.compile(r"(?i)[\s_.:/-]*(?:axis[\s_.-]*)?(?<![a-z])([xyz])(?:[\s_.-]*axis)?\s*$")
 _CAMEL_AXIS = re.compile(r"(?<=[a-z])([XYZ])$")
@@ -189,6 +191,13 @@ def heading_of(text: str, file: str = "") -> Heading | None:
     file
         Name of the file, which names the sensor where headings are x, y and z.
     """
+    measured = _RAW.sub("", text)
+    found = _meant_by(measured, file) if measured != text else None
+    return replace(found, text=text, rank=found.rank + WORSE["raw"]) if found else _meant_by(text, file)
+
+
+def _meant_by(text: str, file: str) -> Heading | None:
+    """Return what a heading means as it stands."""
     file = in_english(file)
     stem, axis, unit = _split_heading(_FRAME_LAST.sub(r"\2_\1", in_english(text).strip()))
     words = _split_words(stem)
@@ -411,6 +420,9 @@ def _stamp(text: str, words: Sequence[str], unit: str, rank: int) -> Heading | N
     if joined in STAMPS:
         quantity, known, worse = STAMPS[joined]
         return Heading(text, quantity, unit=unit_of("time", unit) or known, rank=worse)
+    kinds = () if not unit or unit_of("time", unit) else ("angle", "speed", "acceleration", "angular rate")
+    if any(unit_of(kind, unit) for kind in kinds):
+        return None
     since = "since" in given
     if (not given & SENSORS["time"] | given & {"seconds"} and joined not in {"ms", "us"}) or (
         given & SENSORS["no_time"] and not since

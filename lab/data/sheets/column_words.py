@@ -46,7 +46,7 @@ _MEANING = {word: meaning for meaning, text in _TABLES["languages"].items() for 
 _MEANING |= _TABLES["phrases"]
 _WORDS = sorted(_MEANING, key=len, reverse=True)
 _KNOWN = re.compile(
-    rf"(?<![a-z])(?:{'|'.join(_WORDS)})(?![a-z])|{'|'.join(filter(_IDEOGRAMS.match, _WORDS))}",
+    rf"(?<![a-z])(?:{'|'.join(_WORDS)})(?=[xyz]?(?![a-z]))|{'|'.join(filter(_IDEOGRAMS.match, _WORDS))}",
     re.IGNORECASE,
 )
 _OF_ACCURACY = re.compile(r"(?i)accuracy (horizontal|vertical)")

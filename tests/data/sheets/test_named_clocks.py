@@ -94,6 +94,9 @@ def test_the_motion_shows_to_which_side_gyros_count_that_are_named_by_angles(tmp
         ("LateralAcc", "force", "y"), ("Long Accel [g]", "force", "x"),
         ("vertical acceleration (m/s²)", "force", "z"), ("VerticalAcc", "vertical_sigma", ""),
         ("sdn(m)", "north_sigma", ""), ("StdDev Lon", "east_sigma", ""),
+        ("COG (deg T)", "course", ""), ("COG (°T)", "course", ""), ("ax_raw", "force", "x"),
+        ("GyroZ (raw)", "rate", "z"), ("raw_ay", "force", "y"), ("AceleracionX(m/s2)", "force", "x"),
+        ("giro_y", "rate", "y"), ("BeschleunigungZ", "force", "z"),
         ("sdu(m)", "vertical_sigma", ""), ("lat", "latitude", ""), ("gps_longitude", "longitude", ""),
     ],
 )  # fmt: skip
@@ -102,7 +105,10 @@ def test_what_a_heading_names(text, quantity, axis):
     assert (found.quantity, found.axis) == (quantity, axis)
 
 
-@pytest.mark.parametrize("text", ["GPS LatAcc", "lat_std (deg)", "sdne(m)", "stdev", "latAcc(m)"])
+@pytest.mark.parametrize(
+    "text",
+    ["GPS LatAcc", "lat_std (deg)", "sdne(m)", "stdev", "latAcc(m)", "t (deg)", "TWD (°T)", "temp_raw"],
+)
 def test_what_a_heading_does_not_name(text):
     assert heading_of(text) is None
 
