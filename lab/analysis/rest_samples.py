@@ -16,7 +16,7 @@ from lab.data.formats import log_reader_of
 from lab.data.protocols.column_map import ColumnMapError
 from lab.data.sheets.column_names import VECTORS
 from lab.data.sheets.sensor_csv import names_quantity, sheets_of
-from lab.data.sheets.sheet_clock import clock_of
+from lab.data.sheets.sheet_clock import find_clock
 from lab.data.sheets.sheet_imu import Triad, triads
 from lab.data.streams.capture import holds_samples
 from lab.data.streams.raw_recording import RecordingError
@@ -111,7 +111,7 @@ def _of_tables(files: Sequence[Path], units: Mapping[str, str]) -> tuple[dict[st
     gyros, forces = triads(sheets, "rate"), triads(sheets, "force")
     if not gyros and not forces:
         known = ", ".join(sorted({one.text for sheet in sheets for one in sheet.headings})) or "none"
-        untimed = [one.name for one in sheets if one.has_imu and clock_of(one, fast=True) is None]
+        untimed = [one.name for one in sheets if one.has_imu and find_clock(one, fast=True) is None]
         if untimed:
             raise MissionError(
                 f"no column of {', '.join(untimed)} has time stamps; columns that are read: {known}. "

@@ -271,7 +271,8 @@ def _with_parts_of_angles(cells: Sequence[str], known: list[Heading | None]) -> 
         if whole is None or whole.quantity not in ("latitude", "longitude"):
             continue
         for unit, place in places.items():
-            if known[place] is None or known[place].sensor != GIVEN:
+            before = known[place]
+            if before is None or before.sensor != GIVEN:
                 known[place] = replace(whole, text=cells[place], unit=unit, rank=whole.rank + (unit != "°"))
     return tuple(known)
 
