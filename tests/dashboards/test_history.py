@@ -101,24 +101,21 @@ def test_each_change_is_an_entry_of_the_browser_and_going_to_one_adds_none(walk:
     assert (walk.ask("redo")["position"], session.experiment.get(Q)) == (2, 1.0)
 
 
-@pytest.mark.parametrize(
-    "asked",
-    [
-        [],
+def test_a_wish_that_a_browser_does_not_have_changes_nothing(walk: Walk) -> None:
+    walk.page.session.change(NOISE, 0.2)
+    for asked in (
         ["undo", None, 1],
+        [],
         [[1, "visit"]],
         [[1, "visit", "1"]],
         [[1, "visit", 10**30]],
         [[1, ["undo"], 1]],
         [[1, "close", 1]],
         [[0, "undo", 0]],
-    ],
-)
-def test_a_wish_that_a_browser_does_not_have_changes_nothing(walk: Walk, asked: list) -> None:
-    walk.page.session.change(NOISE, 0.2)
-    with set_curdoc(walk._document):
-        walk.page._address.bar.asked = asked
-    assert walk.page.session.experiment.get(NOISE) == (0.2, 0.2, 0.2)
+    ):
+        with set_curdoc(walk._document):
+            walk.page._address.bar.asked = asked
+        assert walk.page.session.experiment.get(NOISE) == (0.2, 0.2, 0.2), asked
 
 
 def test_time_zoom_and_runs_are_in_the_address_and_no_entries(walk: Walk) -> None:
