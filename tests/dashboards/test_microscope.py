@@ -15,6 +15,7 @@ from dashboards.pages.microscope import Microscope
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.experiment.experiment import Experiment
+from lab.sensors.suite import OTHER_SENSORS
 from lab.views.microscope import number
 from tests.simulated_logs import log_of
 
@@ -107,7 +108,8 @@ def test_heading_that_is_not_observed_is_named(walk: Walk) -> None:
 @pytest.mark.parametrize(
     "groups",
     [
-        {"navigator": {"states": 21}, "sensors": {"barometer": {"fitted": True}}},
+        {"navigator": {"states": 21}},
+        {"sensors": {name: {"fitted": True} for name in OTHER_SENSORS}},
         {"navigator": {"model": "psi"}},
         {"navigator": {"model": "nonlinear"}},
         {"navigator": {"smoother": True}},
@@ -116,6 +118,7 @@ def test_heading_that_is_not_observed_is_named(walk: Walk) -> None:
     ids=str,
 )
 def test_other_filters_are_shown(walk: Walk, groups: dict[str, object]) -> None:
+    """Filters that other tests compile too."""
     begin(walk, flight(**groups))
     go(walk, 30.0)
     assert walk.reason == ""
