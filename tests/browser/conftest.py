@@ -16,7 +16,9 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Frame, Page, expect, sync_playwright
+from text_outputs import still_dot
 
+from dashboards import devices
 from dashboards.page_tabs import TABS
 from dashboards.query import BESIDE
 from dashboards.visitors import VARIABLE
@@ -158,10 +160,20 @@ def free_port() -> int:
 
 
 @pytest.fixture(scope="session")
-def address() -> Iterator[str]:
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Return the source that pages of the served simulator may open: a recording of a DOT at rest."""
+    path = tmp_path_factory.mktemp("replayed") / "dot.csv"
+    path.write_text(still_dot(7200))
+    return f"replay:{path}"
+
+
+@pytest.fixture(scope="session")
+def address(replayed: str) -> Iterator[str]:
     """Return the address of a simulator served by a plain ``panel serve``, without further flags."""
-    with serving() as (address, _process):
-        yield address
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(devices.VARIABLE, replayed)
+        with serving() as (address, _process):
+            yield address
 
 
 @contextmanager

@@ -2,41 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
-from playwright.sync_api import Browser, Page, ViewportSize, expect
-from text_outputs import still_dot
+from playwright.sync_api import Browser, ViewportSize, expect
 
-from dashboards.devices import VARIABLE
-from tests.browser.conftest import IDLE, new_context, serving, show, wait_for
+from tests.browser.conftest import IDLE, new_context, show, wait_for
 
 SMALL: ViewportSize = {"width": 900, "height": 600}
 RATES = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data"
 
 
-@pytest.fixture
-def visited(tmp_path: Path, chromium: Browser, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Page, str]]:
-    """Return a page of a server that allows a recording of a DOT at rest, and its address there."""
-    (tmp_path / "dot.csv").write_text(still_dot(7200))
-    source = f"replay:{tmp_path / 'dot.csv'}"
-    monkeypatch.setenv(VARIABLE, source)
-    with serving() as (address, _server):
-        context = new_context(chromium, viewport=SMALL)
-        page = context.new_page()
-        page.goto(address)
-        wait_for(page, IDLE)
-        yield page, source
-        context.close()
-
-
 @pytest.mark.browser
-def test_a_button_gives_all_samples_that_are_drawn_the_other_unit(visited: tuple[Page, str]) -> None:
-    page, source = visited
+def test_a_button_gives_all_samples_that_are_drawn_the_other_unit(
+    chromium: Browser, address: str, replayed: str
+) -> None:
+    page = new_context(chromium, viewport=SMALL).new_page()
+    page.goto(address)
+    wait_for(page, IDLE)
     show(page, "Live")
     page.get_by_role("combobox").filter(has_text="Simulated device").click()
-    page.get_by_role("menuitem", name=source).click()
+    page.get_by_role("menuitem", name=replayed).click()
     page.get_by_role("button", name="Connect", exact=True).click()
     question = page.get_by_text("The unit of the angular rates is unknown")
     expect(question).to_be_visible(timeout=60_000)
@@ -46,3 +30,4 @@ def test_a_button_gives_all_samples_that_are_drawn_the_other_unit(visited: tuple
     page.get_by_role("button", name="They are in rad/s").click()
     expect(question).to_be_hidden()
     wait_for(page, f"{RATES}.time.length > 60 && {RATES}.forward.filter(isFinite).every(one => one > 1)")
+    page.context.close()
