@@ -142,21 +142,33 @@ const age = (is_old) => {{
   const shown = Bokeh.index.query((view) => view.model === chip);
   for (const {{el}} of shown) el.toggleAttribute("data-old", is_old);
 }};
-let sent = 0;
+let sent = 0, repeats = false;
 bokeh.on_change(({{model, attr, value, sync, msg_data}}) => {{
   const part = msg_data?.origin ?? (["value", "asked"].includes(attr) ? model : null);
-  if (!sync || !part || !(part === bar ? walks() : tagsOf(part))) return;
+  if (!part || !(part === bar ? walks() : tagsOf(part))) return;
+  const [, path, name] = tagsOf(part) ?? [];
+  const key = `${{path}} ${{name}}`, mine = unheard.get(key);
+  if (!sync) {{
+    if (attr === "value" && mine?.question > bar.answered) mine.crossed = !mine.repeated;
+    return;
+  }}
   age(true);
   const question = ++sent;
-  const [, path, name] = tagsOf(part) ?? [];
   if (name && attr === "value") {{
-    const key = `${{path}} ${{name}}`;
     unheard.delete(key);
-    unheard.set(key, {{change: [path, name, value], question}});
+    unheard.set(key, {{change: [path, name, value], question, part, repeated: repeats}});
   }}
   queueMicrotask(() => {{ bar.question = question }});
 }});
-bar.properties.answered.change.connect(() => {{ if (bar.answered === sent) age(false) }});
+bar.properties.answered.change.connect(() => {{
+  if (bar.answered !== sent) return;
+  age(false);
+  repeats = true;
+  for (const {{change: [, , value], part, crossed}} of [...unheard.values()]) {{
+    if (crossed) part.setv("value_input" in part.attributes ? {{value, value_input: value}} : {{value}});
+  }}
+  repeats = false;
+}});
 bar.properties.shown.change.connect(() => {{
   for (const [key, {{question}}] of unheard) if (question <= bar.answered) unheard.delete(key);
 }});
@@ -166,7 +178,8 @@ bar.properties.shown.change.connect(() => {{
 That is a setting, a button that changes some, and a step in the history. What the server has not written into
 the address yet is noted, for the page that comes back after a cut connection.
 
-The server answers in the order in which it is asked.
+The server answers in the order in which it is asked. What it says of a field before it has heard what was
+entered there meanwhile is older, and would stay in the field: what was entered is put there again, once.
 """
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
-from tests.browser.conftest import DRAWN, ERRORS, WHOLE, new_context, wait_for
+from tests.browser.conftest import DRAWN, ERRORS, WHOLE, eventually, new_context, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -15,11 +17,12 @@ BACK = "window.cut !== true && window.insLabReady"
 
 
 class Wire:
-    """The connections of a page: the server can be made deaf to it, and the last one can be cut."""
+    """The connections of a page: the server can be made deaf to it, or slow, and the last one can be cut."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
-        self._is_deaf = False
+        self._is_deaf = self._is_slow = False
+        self._late: list[str | bytes] = []
         self._last: WebSocketRoute | None = None
         page.route_web_socket(re.compile("/ws"), self._take)
 
@@ -27,7 +30,20 @@ class Wire:
         server = route.connect_to_server()
         self._last = route
         route.on_message(lambda message: None if self._is_deaf else server.send(message))
-        server.on_message(route.send)
+        server.on_message(
+            lambda message: self._late.append(message) if self._is_slow else route.send(message)
+        )
+
+    @contextmanager
+    def delayed(self) -> Iterator[list[str | bytes]]:
+        """Keep what the server says back until the end; give it."""
+        assert self._last is not None
+        self._is_slow = True
+        yield self._late
+        self._is_slow = False
+        for message in self._late:
+            self._last.send(message)
+        self._late.clear()
 
     def lose(self) -> None:
         """Let nothing more arrive at the server."""
@@ -53,6 +69,14 @@ def test_a_change_that_the_server_did_not_hear_any_more_is_made_after_the_cut(
     noise.fill("0.2")
     noise.press("Enter")
     wait_for(page, "location.search.includes('noise_density=0.2')")
+    with wire.delayed() as late:  # what is undone arrives after something else was typed, and is older
+        page.keyboard.press("Tab")
+        page.get_by_role("button", name=re.compile("^Undo: ")).click()
+        eventually(page, lambda: any("0.05" in str(one) for one in late))
+        noise.fill("0.25")
+        noise.press("Enter")
+    wait_for(page, "location.search.includes('noise_density=0.25')")
+    expect(noise).to_have_value("0.25")
     wire.lose()
     noise.fill("0.3")
     noise.press("Enter")
