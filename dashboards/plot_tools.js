@@ -31,7 +31,8 @@ function heading(view) {
   return {name: name || "plot", unit: unit ?? ""}
 }
 
-// A title that is wider than its plot, or runs under the menu of the plot, continues in a second line.
+// A title that is wider than its plot, or runs under the menu of the plot, continues in a second line. Bokeh makes room
+// for it only when the plot is laid out.
 const ruler = document.createElement("canvas").getContext("2d")
 function fit(view) {
   const {title} = view.model
@@ -46,10 +47,12 @@ function fit(view) {
   view.el.setAttribute("aria-label", whole)
   const is_narrow = ruler.measureText(whole).width > room
   const text = is_narrow ? [parts[0], parts.slice(1).join(BETWEEN)].filter(Boolean).join("\n") : whole
-  if (text === title.text) return
-  view.pause()  // or Bokeh paints a second line outside its canvas, before it makes room
-  title.setv({text}, {sync: false})
-  view.unpause(true)
+  const place = view.renderer_views.get(title)?.layout
+  if (text !== title.text) {
+    view.pause()  // or Bokeh paints a second line outside its canvas, before it makes room
+    title.setv({text}, {sync: false})
+    view.unpause(true)
+  } else if (!place?.has_size_changed()) return
   view.request_layout(true)
 }
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import DRAWN, ERRORS, new_context, show, wait_for
+from tests.browser.conftest import DRAWN, ERRORS, IDLE, new_context, show, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -136,8 +136,9 @@ SCROLLED = "Array.from(Bokeh.index.query(({model}) => model.name === 'page stage
 TITLES = """[...insLabPlots].map(({model, bbox, frame, renderer_views}) => [
   model.title.text.includes("\\n"),
   frame.bbox.left + renderer_views.get(model.title).get_size().width <= bbox.width - 36,
+  renderer_views.get(model.title).get_size().height <= frame.bbox.top,
 ])"""
-"""Of each plot, whether its title has two lines, and whether it leaves room for the menu."""
+"""Of each plot, whether its title has two lines, leaves room for the menu, and is whole above its curves."""
 CUT = """[...insLabPlots].some(({bbox, canvas_view: {primary: {ctx}}}) => {
   const {data} = ctx.getImageData(bbox.width / 4, 0, bbox.width / 2, 1);
   return data.some((value, index) => index % 4 < 3 && value < 250);
@@ -195,6 +196,11 @@ def test_a_title_that_would_run_under_the_menu_of_its_plot_has_two_lines(
     assert page.get_by_role("button", name="Menu of Position error, east").count() == 1
     page.set_viewport_size({"width": 690, "height": 844})  # in one column
     wait_for(page, f"{TITLES}.every(([two, free]) => !two && free)")
+    page.set_viewport_size({"width": 820, "height": 844})  # in three columns
+    for tab in ("Flight", "Errors"):
+        show(page, tab)
+        wait_for(page, f"{TITLES}.length >= 9 && {IDLE}")
+    wait_for(page, f"{TITLES}.some(([two]) => two) && {TITLES}.every(([, , whole]) => whole)", timeout=60_000)
     context.close()
 
 
