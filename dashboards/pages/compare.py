@@ -16,10 +16,12 @@ from dashboards.algorithms import served_algorithm, served_names
 from dashboards.card_chooser import CardChoice
 from dashboards.computing import attempt
 from dashboards.ensembles import ensemble
+from dashboards.history import change_in_words
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.outages import PALE, PLAIN, Outages
 from dashboards.pages.summary import TABLE_STYLE, summary_html
 from dashboards.pages.sweep_part import SweepPart
+from dashboards.query import query
 from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
@@ -80,7 +82,6 @@ class Compare(ComputedPage):
 
     title = "Compare"
     over_time = False
-    working = "Computing:"
 
     def __init__(self, axis: TimeAxis, session: Session | None = None) -> None:
         self._session = session
@@ -186,16 +187,32 @@ class Compare(ComputedPage):
             self._keys[result] = digest(result.mission.content_hash, experiment.to_dict(), experiment.hidden)
         return self._keys[result]
 
-    def _items(self, result: Result) -> list[Item]:
-        """Return what the rows of the table are computed of, from top to bottom."""
-        key, experiment = self._key(result), result.experiment
-        assert isinstance(experiment, Experiment)
+    def _runs(self, result: Result) -> dict[str, tuple[str, Result]]:
+        """Return the held results and the shown one with their names, by what distinguishes their runs."""
         held = () if self._session is None else self._session.held
         runs = {
             self._key(one.result): (f"{LETTERS[slot]} · {one.name}", one.result)
             for slot, one in enumerate(held)
         }
-        runs.setdefault(key, (NOW, result))
+        runs.setdefault(self._key(result), (NOW, result))
+        return runs
+
+    def _differing(self, result: Result) -> dict[str, str]:
+        """Return in which settings each run differs from the one that others are relative to, by its name."""
+        sigmas = self._session is not None and self._session.shows_sigmas
+        settings = {name: query(run.experiment) for name, run in self._runs(result).values()}
+        base = settings.get(str(self._baseline.value), settings.get(NOW))
+        return {
+            name: change_in_words(base, own, sigmas)
+            for name, own in settings.items()
+            if base is not None and own != base
+        }
+
+    def _items(self, result: Result) -> list[Item]:
+        """Return what the rows of the table are computed of, from top to bottom."""
+        key, experiment = self._key(result), result.experiment
+        assert isinstance(experiment, Experiment)
+        runs = self._runs(result)
         items = [Item(at, name, "", lambda *_told, run=run: assess(run)) for at, (name, run) in runs.items()]
         if self._is_chosen("All error models"):
             group = "Error models, with the present settings"
@@ -324,6 +341,8 @@ class Compare(ComputedPage):
         if self._baseline.options != names:
             kept = self._baseline.value if self._baseline.value in names else names[0]
             self._baseline.param.update(options=names, value=kept)
+        differing = self._differing(result)
+        rows = [row if row.group else replace(row, differs=differing.get(row.name, "")) for row in rows]
         self._table.object = comparison_html(rows, str(self._baseline.value))
 
     def _draw_sweep(self) -> None:

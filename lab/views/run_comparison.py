@@ -106,12 +106,15 @@ class Row:
         What is known; None for nothing yet.
     is_many
         Whether it is about many runs.
+    differs
+        In which settings it differs from the run to which errors are compared.
     """
 
     name: str
     group: str = ""
     found: Assessment | None = None
     is_many: bool = False
+    differs: str = ""
 
 
 def assess(result: Result) -> Assessment:
@@ -255,7 +258,8 @@ def comparison_html(rows: Sequence[Row], baseline: str = "") -> str:
         }
         cells = _cells(row.found, against.found, best)
         remark = row.found.remark if row.found is not None else ""
-        note = f' <span class="change">{escape(remark)}</span>' if remark else ""
+        words = filter(None, (remark, row.differs))
+        note = "".join(f' <span class="change">{escape(one)}</span>' for one in words)
         body.append(f"<tr><td>{escape(row.name)}{note}</td>{cells}</tr>")
     reasons = {row.found.why_unknown: row.name for row in reversed(rows) if row.found is not None}
     notes = "".join(

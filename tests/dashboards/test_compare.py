@@ -179,6 +179,7 @@ def test_seeds_of_the_shown_and_of_held_results_have_a_row_each(walk: Walk) -> N
         walk.page._holding.hold()
     run(walk, navigator__q_scale=0.1)
     choose(walk, "Seeds")
+    assert "Navigator and filter: Q scale 1 → 0.1" in walk.text()  # what the rows differ in
     with set_curdoc(walk._document):
         page(walk)._seeds.value = 3
     walk.settle()
