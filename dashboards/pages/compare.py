@@ -127,9 +127,9 @@ class Compare(ComputedPage):
         )
         self._stop.on_click(lambda _event: self._stop_or_go_on())
         self._table = wide_html(margin=(4, 16), stylesheets=[TABLE_STYLE, _STYLE])
-        said = pn.pane.HTML("Add:", margin=(14, 4, 0, 16))
+        said = pn.pane.HTML("Add:", margin=(14, 4, 0, 4))
         bar = pn.FlexBox(
-            said, *self._add.values(), self._stop, self._baseline, margin=0, align_items="center"
+            said, *self._add.values(), self._stop, self._baseline, margin=(0, 12), align_items="center"
         )
         sweep = self._sweep.choice.view, self._sweep.figure
         parts = bar, self._cards.view, self._seeds, self.words, self._table, *sweep, self._outages.view
