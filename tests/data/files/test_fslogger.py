@@ -38,6 +38,22 @@ def test_units_and_signs_are_simconnects(tmp_path):
     assert any("above sea level" in remark for remark in flight.remarks)
 
 
+@pytest.mark.parametrize("blank", [" ", "_"])
+def test_the_wrapper_of_simconnect_for_python_writes_radians(tmp_path, blank):
+    header = "timestamp,ABSOLUTE_TIME,GROUND_VELOCITY,PLANE_LATITUDE,PLANE_LONGITUDE," + HEADER[5:].upper()
+    rows = "".join(
+        f"2026-01-07T13:07:{t:02d}.5,{63794953311 + t},100,45,-73,1000,100,0.1,-0.5,1.5,45,-73,1,2,3,0,0,0,"
+        "10,20,30\n" for t in range(5)
+    )  # fmt: skip
+    names = header.replace(",PLANE_LATITUDE,PLANE_LONGITUDE,ROT", ",A,B,ROT").replace("_", blank)
+    path = tmp_path / "flight_data.csv"
+    path.write_text(f"{names}\n{rows}")
+    flight = read_raw(path)
+    np.testing.assert_allclose(flight.euler[0], [0.5, -0.1, 1.5])
+    np.testing.assert_allclose(flight.velocity_n[0], np.array([30, 10, -20]) * 0.3048)
+    np.testing.assert_allclose(flight.time - flight.time[0], np.arange(5))
+
+
 def test_units_can_be_overruled_by_column(tmp_path):
     flight = read_raw(small(tmp_path), {"Plane_Altitude": "metres", "plane_bank_degrees": "rad"})
     assert flight.height is not None and flight.height[0] == 1000.0
