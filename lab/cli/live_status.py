@@ -80,7 +80,12 @@ def print_conclusion(status: Status) -> None:
         f"{count_noun(loss.jumps, 'change')} of the device's clock": loss.jumps,
     }
     told = ", ".join(text for text, count in lost.items() if count)
-    print(f"ins-lab: {count_arrivals(status)}; {told or 'nothing was lost'}.", file=sys.stderr)
+    nothing = "nothing was lost"
+    if "number of samples" in status.timing:
+        nothing = "losses do not show, as nothing numbers or times its samples"
+    elif status.samples and status.rate > 0:  # every second one may be lost all the time
+        nothing += f", if it sends {status.rate:.4g} samples a second"
+    print(f"ins-lab: {count_arrivals(status)}; {told or nothing}.", file=sys.stderr)
 
 
 def count_arrivals(status: Status) -> str:

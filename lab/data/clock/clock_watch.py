@@ -80,6 +80,8 @@ class ClockWatch:
         Time of the last sample kept, as the device sent it [s]; NaN before the first.
     usual : float
         Usual interval [s]; NaN while it is unknown.
+    declared : float
+        Interval at which samples are said to come, which is then the usual one [s]; NaN if nothing says it.
     distrusted : bool
         Whether the clock is not used any more.
     repeated, backwards, jumps : int
@@ -89,7 +91,7 @@ class ClockWatch:
     """
 
     def __init__(self) -> None:
-        self.last = self.usual = math.nan
+        self.last = self.usual = self.declared = math.nan
         self.distrusted = False
         self.repeated = self.backwards = self.jumps = 0
         self.events: deque[ClockEvent] = deque(maxlen=LIMITS.events)
@@ -101,6 +103,9 @@ class ClockWatch:
         )  # numbers and intervals of changes
         self._pending: list[tuple[int, ClockEvent]] = []
         self._even = 0
+        self._steps: deque[float] = deque(maxlen=LIMITS.steps)
+        self._looked = 0  # samples since the steps were looked at
+        self._common = math.nan  # of which the steps are multiples, where samples are lost all the time
         self._raw = math.nan  # time of the last sample that was timed by its number
         self._new: deque[ClockEvent] = deque(maxlen=LIMITS.events)
         self._restored = False
@@ -114,19 +119,23 @@ class ClockWatch:
     @property
     def state(self) -> dict[str, Any]:
         """All that later times depend on; `restore` goes on from it."""
-        numbers = {"last": self.last, "usual": self.usual, "heard": self._heard}
+        numbers = {"last": self.last, "usual": self.usual, "heard": self._heard, "common": self._common}
         known = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
-        return {**known, "distrusted": self.distrusted}
+        steps = {"steps": list(self._steps), "looked": self._looked}
+        return {**known, **steps, "distrusted": self.distrusted}
 
     def restore(self, state: Any) -> None:
         """Go on from a state; what is damaged in it is left out."""
         if not isinstance(state, dict):
             return
-        self.last, self.usual, self._heard = (
-            float(value) if isinstance(value, int | float) and abs(value) < LIMITS.largest else math.nan
-            for value in map(state.get, ("last", "usual", "heard"))
+        self.last, self.usual, self._heard, self._common = map(
+            _number, map(state.get, ("last", "usual", "heard", "common"))
         )
         self.usual = self.usual if self.usual > 0 else math.nan
+        steps, looked = state.get("steps"), state.get("looked")
+        known = [_number(one) for one in steps] if isinstance(steps, list) else []
+        self._steps.extend(one for one in known[-LIMITS.steps :] if one > 0)
+        self._looked = looked if isinstance(looked, int) and 0 <= looked < LIMITS.steps else 0
         self.distrusted = state.get("distrusted") is True
         self._restored = math.isfinite(self.last)
 
@@ -297,10 +306,19 @@ class ClockWatch:
         steps : (n,) array
             Intervals before the samples [s]; NaN where they say nothing.
         """
+        if not math.isnan(self.declared):
+            self.usual = self.declared
+            gap = steps > LIMITS.missing * self.declared
+            return np.asarray(gap), int(np.rint(steps[gap] / self.declared - 1).sum())
         if math.isnan(self.usual):
             known = steps[steps > 0]
             if known.size:
                 self.usual = float(np.median(known))
+        self._steps.extend(steps[steps > 0].tolist())
+        self._looked += steps.size
+        if self._looked >= LIMITS.steps / 4:
+            self._looked, self._common = 0, common_step(np.array(self._steps))
+            self.usual = self.usual if math.isnan(self._common) else self._common
         gap = steps > LIMITS.missing * self.usual
         ordinary = steps[~gap & (steps > 0)]
         if ordinary.size:
@@ -311,8 +329,34 @@ class ClockWatch:
         if ordinary.size < steps.size and gap.any():
             missing = int(np.rint(steps[gap] / self.usual - 1).sum())
             # A pace that changed for good is no gap: the usual interval follows it slowly.
-            self.usual += LIMITS.remembered * (float(steps[gap].min()) - self.usual)
+            if math.isnan(self._common):
+                self.usual += LIMITS.remembered * (float(steps[gap].min()) - self.usual)
         return np.asarray(gap), missing
+
+
+def _number(value: Any) -> float:
+    """Return a number of a recording, NaN if it is none that is believed."""
+    return float(value) if isinstance(value, int | float) and abs(value) < LIMITS.largest else math.nan
+
+
+def common_step(steps: FloatArray) -> float:
+    """Return the step of which nearly all steps are multiples, some of them larger ones; NaN without one.
+
+    Parameters
+    ----------
+    steps : (n,) array
+        Steps of a device's clock [s].
+    """
+    if steps.size < LIMITS.steps / 2:
+        return math.nan
+    least = float(np.quantile(steps, LIMITS.single / 2))
+    step = float(np.median(steps[np.abs(steps - least) < LIMITS.like * least]))
+    parts = steps / step
+    times = np.rint(parts)
+    are_multiples = float(np.mean(np.abs(parts - times) < LIMITS.beside_step))
+    single = float(np.mean(times == 1))
+    is_common = are_multiples > LIMITS.regular and LIMITS.single < single < 1 - LIMITS.single
+    return step if is_common else math.nan
 
 
 def sent_again(values: FloatArray, before: FloatArray) -> NDArray[np.bool_]:

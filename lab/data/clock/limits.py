@@ -19,6 +19,13 @@ class ClockLimits:
     """Interval, in usual ones, below which a clock is not even: as far from the usual one as `missing`."""
     remembered: float = 0.02
     """Part that a new interval has in the usual one of a stream's clock."""
+    steps: int = 128
+    """Last steps of a clock that are looked at together: of half of them, single ones are seen."""
+    single: float = 0.1
+    """Part of the steps that must be single ones for the others to be multiples of them, and of these others:
+    with fewer of either, the usual step is seen by itself, or is not seen at all."""
+    beside_step: float = 0.1
+    """Largest deviation of a step from a multiple, in steps: by chance, a fifth of all steps is as near."""
     filled: float = 2.5
     """Interval between samples of the IMU, in usual ones, from which it is filled with others."""
     longest_filled: float = 2.0

@@ -4,8 +4,8 @@ A message with RateOfTurn or Acceleration is a sample. Until the first of these,
 high-resolution forms (1 kHz) are samples, and messages with DeltaQ and DeltaV alone, divided by the
 interval since the one before by SampleTimeFine. Only the receiver's own PVT makes a fix, not the device's
 solution. The magnetic field comes in units of the field where the device was calibrated: its direction is
-right, its size assumes `NOMINAL_FIELD`. The count is that of messages, which those of the receiver also
-have. The check is one byte, so a message must also be made up of whole items.
+right, its size assumes `NOMINAL_FIELD`. The count is that of messages, without those of the receiver and
+others that came between samples. The check is one byte, so a message must also be made up of whole items.
 
 References
 ----------
@@ -79,6 +79,7 @@ class Xsens(Framing):
     def __init__(self) -> None:
         self._clock = WrappingCounter(2**32)
         self._counter = WrappingCounter(2**16)
+        self._others = 0  # messages with a number that are no samples
         self._before = NAN
         self._plain = False
 
@@ -113,7 +114,7 @@ class Xsens(Framing):
         if SAMPLE_TIME_FINE in whole:
             time = self._clock.continued(whole[SAMPLE_TIME_FINE]) * TICK
         if PACKET_COUNTER in whole:
-            count = self._counter.continued(whole[PACKET_COUNTER])
+            count = self._counter.continued(whole[PACKET_COUNTER]) - self._others
         interval = NAN
         if DELTA_QUATERNION in numbers or DELTA_VELOCITY in numbers:
             interval, self._before = time - self._before, time
@@ -125,6 +126,8 @@ class Xsens(Framing):
             temperature, pressure = numbers.get(TEMPERATURE, (NAN,))[0], whole.get(PRESSURE, NAN)
             clipped = _clipping_flags(whole.get(STATUS_WORD, 0))
             rows.add_imu(end, time, count, rate, force, magnetic, temperature, pressure, clipped)
+        else:
+            self._others += PACKET_COUNTER in whole
         if GNSS_PVT in items and len(items[GNSS_PVT][1]) == PVT_SIZE:
             PVT.read(items[GNSS_PVT][1], time, end, rows)
             known = True

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, IntArray
 from lab.data.clock.clock_watch import ClockWatch, sent_again
 from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.faults import steps_from
@@ -70,12 +70,14 @@ class ImuClock:
         self.watch = ClockWatch()
         self._put, self._none = put, none
         self._given_rate = rate > 0
+        self.watch.declared = 1 / rate if rate > 0 else np.nan
         self._has_counter = self._counting = False
         self._waiting: list[tuple[float, Rows]] = []
         self._values: FloatArray | None = None  # times, rates and forces of the last samples
         self._paced: deque[tuple[float, int]] = deque()  # arrivals and numbers of the last samples
         self._rebase = False  # whether times by number begin, or get another rate
         self._pace = Pace()
+        self._number = -1  # of the last sample, by the counter of the device
         self._last_arrival = np.nan
         self._wrapped = 0.0
 
@@ -85,7 +87,7 @@ class ImuClock:
         self.clock.restart()
         self.watch.forget()
         self._paced.clear()
-        self._pace = Pace()
+        self._pace, self._number = Pace(), -1
         self._last_arrival, self._wrapped = np.nan, 0.0
 
     @property
@@ -100,6 +102,7 @@ class ImuClock:
         known = Pace.restored(pace)
         if known is not None:
             self._pace, self._given_rate = known, False
+            self.watch.declared = np.nan
 
     def scale_rates(self, factor: float) -> None:
         """Compare the next samples with those before, whose rates had another unit."""
@@ -222,7 +225,7 @@ class ImuClock:
         times, anew = self.clock.mapped(device, arrival)
         steps[followed.changed] = np.nan  # the clock was set: no sample is missing
         gap, missing = self.watch.gaps(steps)
-        self.missing += missing
+        self.missing += self._missing_numbers(rows["count"], missing)
         if anew and begun:
             gap[0] = True
         # After the mapping: it was that of the times without the step, and the next ones have it.
@@ -230,6 +233,14 @@ class ImuClock:
         if followed.useless:
             self._begin_to_count(arrival)
         return self._put(rows, times, arrival, gap)
+
+    def _missing_numbers(self, count: IntArray, otherwise: int) -> int:
+        """Return how many numbers the counter of the device left out; what the clock shows without one."""
+        before, self._number = self._number, int(count[-1])
+        steps = np.diff(count, prepend=before)
+        if before < 0 or not (steps.min() > 0 and steps.max() < _LEAP):
+            return otherwise
+        return int(steps.sum()) - steps.size
 
     def _begin_to_count(self, arrival: float) -> None:
         """Time samples by their number from now on, at the rate so far if it is known."""
@@ -241,6 +252,10 @@ class ImuClock:
         # The clock that is given up may still have told the rate; the arrivals alone know it to a percent.
         usual = 1 / self.watch.usual
         self.rate = nominal_rate(usual if abs(usual / measured - 1) < NEAR else measured)
+
+
+_LEAP = 10_000
+"""Numbers left out by the counter of a device from which it began anew: a minute at 160 Hz."""
 
 
 class Pace:

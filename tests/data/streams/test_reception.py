@@ -11,6 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from live_streams import capture, damaged, fixes, motion
 
+from lab.data.clock.clock_watch import common_step
 from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import ENCODERS
 from lab.data.protocols.decoder import Statistics
@@ -401,6 +402,44 @@ def test_a_device_clock_that_was_set_is_a_jump_and_no_loss(device: str, step: fl
     assert (reception.loss.missing, reception.loss.jumps) == (0, 1)
     assert np.diff(imu["time"]).max() < 0.1  # no silence where none was
     assert reception.loss.backwards + len(imu) >= 1999
+
+
+LOST = {
+    "every second": np.arange(3000) % 2 == 0,
+    "two of three": np.arange(3000) % 3 == 0,
+    "every third": np.arange(3000) % 3 != 0,
+    "half by chance": np.random.default_rng(4).random(3000) < 0.5,
+    "one in ten by chance": np.random.default_rng(5).random(3000) < 0.9,
+}
+"""Which samples arrive."""
+
+
+@pytest.mark.parametrize("words", LOST)
+@pytest.mark.parametrize(("device", "rate"), [("xsens", 0.0), ("mip", 100.0), ("text", 100.0), ("mip", 0.0)])
+def test_regular_losses_are_counted(device: str, rate: float, words: str) -> None:
+    """A counter or a rate that a person says shows all of them, the clock those that leave single steps."""
+    sent = motion(3000)
+    encoder = ENCODERS[device]()
+    stream = [
+        Chunk(HOST + row["time"][0] - 7.0, encoder.encode(row, np.empty(0, FIX)))
+        for row in np.split(sent, len(sent))
+    ]
+    reception = Reception(device, rate=rate)
+    received(reception, [chunk for chunk, comes in zip(stream, LOST[words], strict=True) if comes])
+    lost = int((~LOST[words]).sum())
+    if device == "mip" and not rate:
+        lost = 0 if words in ("every second", "two of three") else lost
+        # The first half second decides what the usual step is.
+        assert lost - 100 <= reception.loss.missing <= lost
+    else:
+        assert lost - 6 <= reception.loss.missing <= lost
+
+
+def test_stamps_that_jitter_are_no_multiples_of_the_shortest() -> None:
+    rng = np.random.default_rng(6)
+    for steps in (rng.integers(6, 10, 128), rng.integers(2, 4, 128), 10 + rng.standard_normal(128)):
+        assert math.isnan(common_step(1e-3 * steps))
+    assert common_step(1e-2 * rng.integers(1, 4, 128)) == pytest.approx(1e-2)
 
 
 def test_lost_samples_are_missing_and_no_jump() -> None:
