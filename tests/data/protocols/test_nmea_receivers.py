@@ -85,6 +85,24 @@ def test_the_path_is_that_of_one_receiver_and_the_other_is_said(order, rate):
     assert "two receivers with the same name come, 2.0 m apart" in said
 
 
+def test_receivers_of_a_vehicle_that_turns_in_circles_are_parted(monkeypatch):
+    """Its path leaves a straight line by 1.5 m in the second between positions; they are 2 m apart."""
+
+    def circle(t: float, aside: float) -> tuple[float, float]:
+        radius, angle = 24.0 - aside, 0.35 * t
+        north, east = radius * math.sin(angle), radius * (1 - math.cos(angle)) + aside
+        return NORTH + north / SEMI_MAJOR_AXIS, EAST + east / SEMI_MAJOR_AXIS / math.cos(NORTH)
+
+    monkeypatch.setitem(globals(), "path", circle)
+    decoder = make_decoder("nmea")
+    parts = [decoder.feed(line.encode()).fix for line in drive(exchanged, 1.0)]
+    fix = np.concatenate([*parts, decoder.finish().fix])
+    there = np.array([circle(t, 0.0) for t in fix["utc"] % 86400 - 36_000])
+    away = np.hypot(fix["latitude"] - there[:, 0], (fix["longitude"] - there[:, 1]) * math.cos(NORTH))
+    assert len(fix) == 60
+    assert (away * SEMI_MAJOR_AXIS > 0.1).sum() <= 3  # before its bend is known
+
+
 def test_the_other_is_read_when_the_first_falls_silent():
     aside, _ = read(drive(lambda t, one, other: [*(one if t < 30 else []), *other]))
     assert np.abs(aside[5:150]).max() < 0.1
