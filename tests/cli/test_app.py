@@ -222,3 +222,18 @@ def test_help_imports_no_command_and_no_numbers() -> None:
     loaded = answer.stdout.splitlines()[-1].split()
     assert "lab.cli.app" in loaded
     assert not {"numpy", "param", "numba", "pandas", "lab.cli.run", "dashboards.serve_command"} & set(loaded)
+
+
+@pytest.mark.parametrize("name", ["lab", "lab.cli.app", "typer"])
+def test_ctrl_c_while_it_starts_ends_it_without_a_traceback(name: str) -> None:
+    """The key is pressed while a module is imported."""
+    program = (
+        "import sys\n"
+        "class Pressed:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == {name!r}: raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Pressed())\n"
+        "import dashboards.command_line\n"
+    )
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (answer.returncode, answer.stdout, answer.stderr) == (130, "", "")
