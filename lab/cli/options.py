@@ -67,7 +67,7 @@ StreamColumns = Annotated[
 ]
 SampleRate = Annotated[
     float | None,
-    option("--rate", "HZ", "Samples of the IMU per second, where nothing says when they were taken."),
+    option("--rate", "HZ", "Samples of the IMU per second, where nothing says their times; to count losses."),
 ]
 AlgorithmFile = Annotated[
     str | None, option("--algorithm", "FILE.py:Name", "Your own algorithm; the file is executed.")
