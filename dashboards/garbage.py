@@ -78,6 +78,7 @@ async def collect_from(roots: list[object]) -> None:
 
 async def _make_young(roots: list[object]) -> None:
     """Move all objects reachable from some objects to the youngest generation; empty the list."""
+    # The globals of a module lead to everything that the process has.
     passed = {id(vars(module)) for module in list(sys.modules.values()) if isinstance(module, ModuleType)}
     shared, owned = set[type](), set[type]()
     found: dict[int, object] = {}
@@ -91,6 +92,7 @@ async def _make_young(roots: list[object]) -> None:
         for kind in set(map(type, some.values())) - shared - owned:
             (shared if issubclass(kind, SHARED) else owned).add(kind)
         new = {number: one for number, one in some.items() if type(one) in owned}
+        # Held here, so that no number of an object is given to another one meanwhile.
         found |= new
         roots += gc.get_referents(*new.values())
         await asyncio.sleep(0)

@@ -133,6 +133,7 @@ class FixIntake:
         for name, all_values in (("known_velocity", known.velocity_n), ("R", R), ("variances", variances)):
             rows(name, changed, end)[:] = all_values[changed - first : end - first]
         if stream.filter is not None:
+            # If the velocity of the fix before has not changed, nothing before the first new fix is stale.
             same = np.array_equal(old, rows("known_velocity", changed, start))
             from_here = start if same or changed < stream.first_fix else changed
             stream.filter.changed_fixes(from_here, end)

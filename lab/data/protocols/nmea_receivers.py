@@ -139,6 +139,7 @@ class Receivers:
             self._said.clear()
         before = self._said.setdefault(kind, place)
         if not self._paths:
+            # Counted once for each time, however many sentences say the two positions.
             is_twice = abs(_measure_offset(before, place)) > _SAME and now != self._last_twice
             self._twice += is_twice
             self._last_twice = now if is_twice else self._last_twice
@@ -150,9 +151,12 @@ class Receivers:
         if _elapsed_time(main.now, now) > _SILENT >= _elapsed_time(other.now, now):
             self._paths = [other, main]
             main, other = self._paths
+            # From the new first one to the other: the opposite direction.
             self._apart = -self._apart[0], -self._apart[1]
             self._in_order.clear()
         mine, its = (abs(path.offset_to(now, place) - self._bend) for path in (main, other))
+        # The first has its position of this time already: another place is the other's, the same one is only
+        # said again.
         if main.now == now != other.now:
             is_other = abs(_measure_offset(main.place, place)) > _SAME
         elif other.now == now != main.now:
@@ -175,9 +179,9 @@ class Receivers:
         self._apart = (-apart[0], -apart[1]) if exchanged else apart
         self._in_order.append(exchanged == self._first_is_other)
         self._first_is_other ^= exchanged  # once for each time
-        self._follow_the_middle(main, other)
+        self._follow_middle(main, other)
 
-    def _follow_the_middle(self, main: _Path, other: _Path) -> None:
+    def _follow_middle(self, main: _Path, other: _Path) -> None:
         """See by how much the path bends, which both share: 1.5 m in a second at 30 km/h and 20 °/s."""
         place = (main.place[0] + other.place[0]) / 2, (main.place[1] + other.place[1]) / 2
         middle = self._middle = self._middle or _Path(main.now, place)
@@ -194,6 +198,7 @@ class Receivers:
 
 def _measure_offset(one: Place, other: Place) -> complex:
     """Return how far north, and east, a position is of another one near it, on a sphere of radius 1."""
+    # Across the date line too.
     east = (other[1] - one[1] + math.pi) % (2 * math.pi) - math.pi
     return complex(other[0] - one[0], math.cos(one[0]) * east)
 

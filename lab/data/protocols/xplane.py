@@ -143,8 +143,10 @@ class XPlanePackets:
             if (before is None) != (after is None):
                 waits[before is None].append(other - one)
         if not waits[True] and not waits[False]:
+            # Packets of one kind only: without clocks, positions are timed by their arrival.
             return [Position(arrival, one, _UNTIMED) for arrival, one, _ in first if one is not None]
         clock, place = (float(np.median(one)) if one else math.inf for one in (waits[True], waits[False]))
+        # Packets of one frame come at once, those of the next one later: the shorter wait is within a frame.
         self._clock_first = clock <= place
         return [found for event in first for found in self._pair_packets(*event)]
 

@@ -166,11 +166,13 @@ def _of_column(
         for pair in sheet.all_of("time") + sheet.all_of("clock") + seconds
         if pair[0] not in used and pair[0] is not fraction
     ]
+    # A column that the other sheets have too is of their clock, whatever its rank.
     candidates.sort(key=lambda pair: (pair[0].text not in wanted, pair[0].rank))
     # A column named Date may hold the time of the day too.
     candidates += [pair for pair in sheet.all_of("date") if ":" in sheet.texts.get(pair[0].text, "")]
     for heading, values in candidates:
         known = np.isfinite(values)
+        # A column that stands still is a date or a constant.
         if known.mean() < _MIN_KNOWN or np.ptp(values[known]) == 0:
             continue
         steps = np.diff(values[known])
@@ -216,6 +218,7 @@ def _of_parts(sheet: Sheet) -> tuple[Clock | None, list[Heading]]:
     hour, minute, second = (values for _, values in parts)
     time = _HOUR * hour + _MINUTE * minute + second
     for _, values in milliseconds:
+        # The seconds may have a fraction of their own, which says the same more coarsely.
         time = np.floor(time) + values / _MILLISECONDS
     dates = [one for name in _DATE_PARTS for one in sheet.all_of(name)[:1]]
     dated = len(dates) == len(_DATE_PARTS)
@@ -232,6 +235,7 @@ def _of_parts(sheet: Sheet) -> tuple[Clock | None, list[Heading]]:
 def _days(year: FloatArray, month: FloatArray, day: FloatArray) -> FloatArray:
     """Return days since 1970; NaN where a part is not of the calendar."""
     fine = (year >= _YEARS[0]) & (year <= _YEARS[1]) & (month >= 1) & (month <= _MONTHS)
+    # NaN cannot become a whole number; the rows that are not fine are replaced below.
     months = np.where(fine, _MONTHS * (year - 1970) + month - 1, 0).astype(np.int64)
     first = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
     return np.where(fine, first + day - 1, np.nan)
@@ -285,6 +289,7 @@ def _count_onwards(values: FloatArray, factor: float) -> FloatArray:
     time = values * factor
     known = np.flatnonzero(np.isfinite(time))
     largest = float(time[known].max())
+    # Only values that reach nearly to its end show that there is a period.
     period = next(
         (
             one

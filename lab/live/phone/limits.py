@@ -81,8 +81,10 @@ class Connections:
         strangers = [one for one, (_, phone) in self._open.items() if phone is None]
         from_here = [one for one in strangers if self._open[one][0] == host]
         if len(from_here) >= STRANGERS:
+            # The oldest stranger from there gives way: one host that opens many cannot keep others out.
             self._close(from_here[0])
         elif len(self._open) >= MOST:
+            # Connections of known phones are never closed for a stranger.
             if not strangers:
                 return False
             self._close(strangers[0])
@@ -101,6 +103,7 @@ class Connections:
         """
         if stream is None or stream not in self._open:
             return
+        # Taken out and put in again below: the order of the table is that of the last use.
         host, _ = self._open.pop(stream)
         others = list(self._streams_of_phone(phone))
         if len(others) >= EACH:
