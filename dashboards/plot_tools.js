@@ -23,6 +23,8 @@ const BETWEEN = "\u2009·\u2009"  // the parts of a title
 const FINGERS = window.matchMedia("(hover: none)")
 const DOTS_WIDTH = 40  // of the menu of a plot, where it is always seen [px]
 const EM = 13  // the size of letters to which those of a title are relative, in Bokeh [px]
+const QUIET = 60  // without a repaint, plots are looked at again, for their legend and values [ms]
+const POINTED = 250  // the same under a pointer, whose moves repaint all plots, on a slow computer a few times a second
 const SLOP = 8  // a finger that moves less has not moved [px]
 
 function heading(view) {
@@ -394,12 +396,12 @@ export function render({model}) {
   }
   // Plots come and go in groups, and their layout follows.
   let later = 0
-  function again() {
+  function again(quiet = QUIET) {
     clearTimeout(later)
     later = setTimeout(() => {
       of = null
       ask()
-    }, 60)
+    }, quiet)
   }
 
   function toggle() {
@@ -462,7 +464,7 @@ export function render({model}) {
       if (over_time(view)) follow_finger(view)
       view.repainted.connect(() => {  // with new data, or with another cursor
         ask()
-        again()
+        again(time === null ? QUIET : POINTED)
       })
       el.addEventListener("pointerdown", (event) => {
         if (event.pointerType === "touch") pointed = view
@@ -487,7 +489,7 @@ export function render({model}) {
   })
   plots.forEach(equip)
   plots.added = equip
-  plots.changed = again
+  plots.changed = () => again()
   cursor()?.properties.location.change.connect(ask)
   return root
 }
