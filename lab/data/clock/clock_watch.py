@@ -316,7 +316,7 @@ class ClockWatch:
                 self.usual = float(np.median(known))
         self._steps.extend(steps[steps > 0].tolist())
         self._looked += steps.size
-        if self._looked >= LIMITS.steps / 4:
+        if self._looked >= LIMITS.looked:
             self._looked, self._common = 0, common_step(np.array(self._steps))
             self.usual = self.usual if math.isnan(self._common) else self._common
         gap = steps > LIMITS.missing * self.usual

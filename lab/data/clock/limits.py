@@ -21,6 +21,8 @@ class ClockLimits:
     """Part that a new interval has in the usual one of a stream's clock."""
     steps: int = 128
     """Last steps of a clock that are looked at together: of half of them, single ones are seen."""
+    looked: int = 32
+    """New steps after which these are looked at again: a third of a second at 100 Hz."""
     single: float = 0.1
     """Part of the steps that must be single ones for the others to be multiples of them, and of these others:
     with fewer of either, the usual step is seen by itself, or is not seen at all."""

@@ -65,6 +65,8 @@ gyros are 0.05 to 5 °/s, which are at most 0.09 rad/s, and rarely more than hal
 _OF_SENSORS = 3e-4
 """Error of the length of a quaternion that a sensor computes: its parts have 14 bits (BNO085). Each printed
 one adds half a step of its last decimal, four of them at most a step."""
+_LAST_DECIMAL = 0.1
+"""Step of a number with one decimal."""
 _MOST_DECIMALS = 9
 """Most decimals that are told apart."""
 _UNLIKE = 3
@@ -185,7 +187,7 @@ def _quaternions(rows: FloatArray, numbers: Sequence[int]) -> tuple[set[int], se
     parts, sure = set(), set()
     for at in range(len(numbers) - 3):
         four = numbers[at : at + 4]
-        near = max(10.0 ** -max(_decimals(one) for one in rows[:, four].T), _OF_SENSORS)
+        near = max(_LAST_DECIMAL ** max(_decimals(one) for one in rows[:, four].T), _OF_SENSORS)
         if four[3] == four[0] + 3 and _is_unit(rows[:, four], near):
             parts |= set(four)
             three = _is_unit(rows[:, four[:3]], near) or _is_unit(rows[:, four[1:]], near)
