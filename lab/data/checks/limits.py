@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
 from lab.base.parameters.units import DEGREE
 
 
@@ -194,6 +193,10 @@ class CheckLimits:
     lively_speed : float
         σ of the acceleration along the path from which it is compared [m/s²]: noise of fixes at 1 Hz is
         0.1. The tests pass at half; at twice it, swapped axes of the car of comma2k19 are missed.
+    lively_across : float
+        σ of the acceleration across the path from which it is compared [m/s²]: bends of a road at 50 km/h.
+    felt_across : float
+        Part of it that a vehicle feels that does not lean: bodies of cars roll by some degrees at 1 g.
     axis_correlation : float
         Smallest correlation at which an axis agrees with the fixes, and a slope means a unit: with random
         errors as large as 3/4 of the motion it is 0.8.
@@ -387,6 +390,8 @@ class CheckLimits:
     pitch_of_turn: float = 0.15
     lively_turn: float = float(np.radians(2.0))
     lively_speed: float = 0.3
+    lively_across: float = 0.5
+    felt_across: float = 0.5
     axis_correlation: float = 0.8
     correlation_lead: float = 0.3
     degree_ratio: float = 2.0
@@ -436,11 +441,6 @@ class CheckLimits:
     curve_residual: float = 10.0
     air_residual: float = 500.0
     implausible_residual: float = 20.0
-
-    @property
-    def tried_lags(self) -> FloatArray:
-        """Offsets that are tried with each axis [s]."""
-        return np.arange(-self.largest_lag, self.largest_lag + self.lag_step / 2, self.lag_step)
 
 
 LOG = CheckLimits()

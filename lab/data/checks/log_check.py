@@ -60,6 +60,8 @@ class FixMotion(NamedTuple):
         Mean change of the speed [m/s²].
     climb : (k,) array
         Mean gravity along the path, which a vehicle on wheels feels, too [m/s²].
+    across : (k,) array
+        Mean acceleration to the right of the path, in turns [m/s²]; NaN where the turn is.
     """
 
     start: FloatArray
@@ -67,6 +69,7 @@ class FixMotion(NamedTuple):
     turn: FloatArray
     speed: FloatArray
     climb: FloatArray
+    across: FloatArray
 
 
 def find_windows(log: SensorLog) -> list[Window]:
@@ -111,11 +114,14 @@ def check_log(log: SensorLog, matches_of: Callable[[SensorLog], WindowMatches] =
         _check_leap_seconds(log)
         _check_gyro_unit(log, motion_of(log))
     check_velocities(log.name, matches)  # before the course, because it tells all axes
-    if vehicle.follows_nose and not _axes_are_right(matches, vehicle):
-        motion = motion_of(log)
+    if vehicle.follows_nose:
+        motion, are_right = motion_of(log), _axes_are_right(matches, vehicle)
         try:
-            _check_bank(log, motion)
-            _check_forward(log, motion)
+            if not are_right:
+                _check_bank(log, motion)
+                _check_across(log, motion)
+            if vehicle.name or not are_right:
+                _check_forward(log, motion, backward_only=are_right)
         except MissionError as error:
             raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
     if vehicle.stays_level:
@@ -161,7 +167,7 @@ def _check_leap_seconds(log: SensorLog) -> None:
             (largest_correlation(log, axis, motion, motion.turn, lags) for axis in log.dtheta.T),
             key=lambda one: abs(one[0]),
         )
-        for lags in (limits.LOG.tried_lags, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
+        for lags in (None, np.concatenate((around - LEAP_SECONDS, around + LEAP_SECONDS)))
     )
     if abs(at_zero[0]) < limits.LOG.unlike_turns and abs(at_leap[0]) > limits.LOG.axis_correlation:
         side = "late" if at_leap[2] < 0 else "early"
@@ -182,7 +188,7 @@ def motion_of(log: SensorLog) -> FixMotion:
     )
     if inside.size < 2:
         empty = np.empty(0)
-        return FixMotion(empty, empty, empty, empty, empty)
+        return FixMotion(*(empty,) * len(FixMotion._fields))
     step = max(1, round(limits.LOG.leg / float(np.median(np.diff(time)))))
     at = inside[::step]
     velocity = gnss.velocity_n[:, :2]
@@ -197,9 +203,8 @@ def motion_of(log: SensorLog) -> FixMotion:
     turn = np.where(np.minimum(speed[1:], speed[:-1]) > limits.LOG.course_speed, np.diff(course) / dt, np.nan)
     turn[np.abs(np.diff(course)) > limits.LOG.course_step] = np.nan
     short = dt < limits.LOG.longest_leg * limits.LOG.leg
-    return FixMotion(
-        time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short], pull[short]
-    )
+    across = turn * (speed[1:] + speed[:-1]) / 2
+    return FixMotion(*(one[short] for one in (time[:-1], time[1:], turn, np.diff(speed) / dt, pull, across)))
 
 
 def _check_interval(log: SensorLog) -> None:
@@ -324,8 +329,12 @@ def _check_bank(log: SensorLog, motion: FixMotion) -> None:
             )
 
 
-def _check_forward(log: SensorLog, motion: FixMotion) -> None:
-    """Compare the change of the speed with the horizontal accelerometers, each at its best time."""
+def _check_forward(log: SensorLog, motion: FixMotion, *, backward_only: bool) -> None:
+    """Compare the change of the speed with the horizontal accelerometers, each at its best time.
+
+    Windows that are explained may have turns only, in which an exchange of axes is as good as a rotation; of
+    an unnamed vehicle, they may also show that its nose points anywhere.
+    """
     if motion.speed.size < limits.LOG.legs or np.std(motion.speed) < limits.LOG.lively_speed:
         return
     forward, right = (
@@ -333,12 +342,40 @@ def _check_forward(log: SensorLog, motion: FixMotion) -> None:
     )
     backward = forward < -limits.LOG.axis_correlation
     if backward or (
-        abs(right) > limits.LOG.axis_correlation and forward < abs(right) - limits.LOG.correlation_lead
+        not backward_only
+        and abs(right) > limits.LOG.axis_correlation
+        and forward < abs(right) - limits.LOG.correlation_lead
     ):
         axis, value = ("minus forward", forward) if backward else ("right", right)
         raise MissionError(
             f"{log.name}: the acceleration that the GPS shows is along the axis called {axis} (correlation "
             f"{value:.2f}, along forward {forward:.2f}): swapped axes or signs are likely"
+        )
+
+
+def _check_across(log: SensorLog, motion: FixMotion) -> None:
+    """Compare the acceleration across the path with the horizontal accelerometers, if one is as large.
+
+    What leans into its turns, as an aircraft, feels nothing across.
+    """
+    rows = np.isfinite(motion.across)
+    if rows.sum() < limits.LOG.legs or np.std(motion.across[rows]) < limits.LOG.lively_across:
+        return
+    (forward, along, _), (right, across, _) = (
+        largest_correlation(log, log.dvelocity[:, axis], motion, motion.across) for axis in (0, 1)
+    )
+    felt = limits.LOG.felt_across
+    reversed_ = right < -limits.LOG.axis_correlation and across > felt
+    if reversed_ or (
+        abs(forward) > limits.LOG.axis_correlation
+        and right < abs(forward) - limits.LOG.correlation_lead
+        and along > felt
+    ):
+        axis, value = ("minus right", right) if reversed_ else ("forward", forward)
+        raise MissionError(
+            f"{log.name}: in turns, the acceleration that the GPS shows is along the axis called {axis} "
+            f"(correlation {value:.2f}, along right {right:.2f}): swapped, reversed or left-handed axes of "
+            "the accelerometers are likely"
         )
 
 
@@ -424,9 +461,11 @@ def largest_correlation(
     motion, seen : FixMotion and (k,) array
         The motion by the fixes, and the column of it with which the axis is compared, later by the lag.
     lags
-        Lags that are tried [s]; by default `tried_lags`.
+        Lags that are tried [s]; by default up to the largest clock offset.
     """
-    lags = limits.LOG.tried_lags if lags is None else lags
+    if lags is None:
+        largest, step = limits.LOG.largest_lag, limits.LOG.lag_step
+        lags = np.arange(-largest, largest + step / 2, step)
     total = np.concatenate(([0.0], np.cumsum(increments)))
     rows = np.isfinite(seen)
     start, end = motion.start[rows], motion.end[rows]
