@@ -46,6 +46,8 @@ the time, as with a slider [ms]."""
 AT_ONCE, OF_LATE = 8, 10.0
 """Most updates within a time [s] before they become rare: more changes are those of a slider, and a browser
 accepts a hundred entries in its history in 30 s."""
+AFTER = 50
+"""Time from a question to its answer [ms]: as long as Panel waits before it handles a change."""
 LONGEST = 8192
 """Longest query with held results [characters]: servers and mail programs cut longer addresses."""
 OF_A_CLASS = Glide("class", 0)
@@ -115,11 +117,17 @@ class HistoryBar(JSComponent):
         self._acts: list[Callable[[str, int], None]] = []
         self._heard = 0  # number of the last wish
         self.param.watch(self._follow_wishes, "asked")
-        self.param.watch(lambda event: setattr(self, "answered", event.new), "question")
+        self.param.watch(self._answer_question, "question")
 
     def hear(self, act: Callable[[str, int], None]) -> None:
         """Call a function with each wish ("undo", "tab", ...) and the number that belongs to it."""
         self._acts.append(act)
+
+    def _answer_question(self, event: param.parameterized.Event) -> None:
+        """Answer in a later turn: what changed before the question may have its own turn still ahead."""
+        document = pn.state.curdoc
+        assert document is not None
+        document.add_timeout_callback(lambda: setattr(self, "answered", event.new), AFTER)
 
     def _follow_wishes(self, event: param.parameterized.Event) -> None:
         """Do what was asked since the last time: several wishes may arrive at once."""

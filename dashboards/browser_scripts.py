@@ -162,7 +162,8 @@ bokeh.on_change(({{model, attr, value, sync, msg_data}}) => {{
 }});
 bar.properties.answered.change.connect(() => {{
   if (bar.answered !== sent) return;
-  age(false);
+  const settle = () => {{ if (bar.answered === sent) age(false) }};  // once the chip is painted anew
+  requestAnimationFrame(() => requestAnimationFrame(settle));
   repeats = true;
   for (const {{change: [, , value], part, crossed}} of [...unheard.values()]) {{
     if (crossed) part.setv("value_input" in part.attributes ? {{value, value_input: value}} : {{value}});

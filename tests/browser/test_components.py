@@ -89,6 +89,15 @@ NO_ANSWER = """
 """Keeps all that the server says back until `answer` is called."""
 GREY = "rgba(0, 0, 0, 0)"
 COLOUR = "(button) => getComputedStyle(button).backgroundColor"
+SEEN = """(button) => {
+  window.seen = new Set();
+  const look = () => {
+    seen.add(`${getComputedStyle(button).backgroundColor} ${button.innerText}`);
+    if (button.innerText.includes("Consistent")) requestAnimationFrame(look);
+  };
+  look();
+}"""
+"""Notes the colour of each frame until the verdict is another one."""
 
 
 @pytest.mark.parametrize(("typed", "is_accepted"), [("0.1", True), ("-1", False), ("1.0", False)])
@@ -108,8 +117,10 @@ def test_no_verdict_is_green_while_the_server_has_not_answered(
     page.evaluate("() => new Promise(requestAnimationFrame)")
     assert chip.evaluate(COLOUR) == GREY
     assert "line-through" in chip.evaluate("(button) => getComputedStyle(button).textDecoration")
+    chip.evaluate(SEEN)
     page.evaluate("answer()")
     expect(chip).to_have_text("● Q 9.9 × too small" if is_accepted else "● Consistent")
+    assert not is_accepted or f"{green} ● Consistent" not in page.evaluate("[...seen]")
     eventually(page, lambda: (chip.evaluate(COLOUR) == green) != is_accepted)
     assert "line-through" not in chip.evaluate("(button) => getComputedStyle(button).textDecoration")
 
