@@ -109,7 +109,7 @@ def test_the_cure_is_two_presses_away_and_changes_that_setting_alone(walk: Walk)
     chip._open()
     assert chip._card.open
     assert not chip._apply.visible  # it is being tried
-    assert "being tried" in chip._words.object
+    assert "Trying the advice" in chip._words.object
     settled(walk)
     assert chip._apply.visible
     assert "Evidence: " in chip._words.object
