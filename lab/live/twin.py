@@ -113,7 +113,7 @@ class TwinComparison:
         return [one.sentence for one in self.differences if one.sentence]
 
 
-def compare_with_twins(
+def twin_of(
     log: SensorLog,
     sensors: SensorSuite,
     navigator: NavigatorSettings,

@@ -11,7 +11,7 @@ from lab.analysis.rest import Record, card_of, with_noise
 from lab.data.streams.live_log import make_log
 from lab.experiment.experiment import Experiment
 from lab.live.simulated.simulated_flight import SimulatedFlight
-from lab.live.twin import TwinComparison, compare_with_twins, twin_at_rest
+from lab.live.twin import TwinComparison, twin_of, twin_at_rest
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card
 from lab.sensors.suite import SensorSuite
@@ -37,7 +37,7 @@ def sentences(flown: tuple[Rows, SensorSuite], monkeypatch: pytest.MonkeyPatch, 
         imu["rate"] += np.sqrt(8 * HZ) * np.radians(0.05) * noise
     if change == "line":
         imu["force"][:, 2] += 0.5 * np.sin(2 * np.pi * 30 * imu["time"])
-    return compare_with_twins(make_log("real", imu, fix), sensors, NavigatorSettings(), seed=7).sentences
+    return twin_of(make_log("real", imu, fix), sensors, NavigatorSettings(), seed=7).sentences
 
 
 def test_the_sensors_of_the_settings_are_not_accused(
@@ -61,7 +61,7 @@ def test_a_card_that_was_just_measured_is_not_accused_in_motion(monkeypatch: pyt
     measured = with_noise(settings.sensors, card_of("mine", records, "a test"))
     imu, fix = SimulatedFlight.of("montreal", HZ, seed=1001, rest=15.0, settings=sensors).timed()
     log = make_log("real", imu[imu["time"] < 60], fix[fix["time"] < 60])
-    assert compare_with_twins(log, measured, settings.navigator, seed=7).sentences == []
+    assert twin_of(log, measured, settings.navigator, seed=7).sentences == []
 
 
 def test_small_factors_have_two_digits() -> None:

@@ -17,7 +17,7 @@ from dashboards.style import whole_column, wide_html
 from lab.analysis.rest import with_noise
 from lab.experiment.experiment import Experiment
 from lab.live.station import Station
-from lab.live.twin import TwinComparison, compare_with_twins, twin_at_rest
+from lab.live.twin import TwinComparison, twin_of, twin_at_rest
 from lab.sensors.cards import Card
 from lab.views.twin_comparison import STYLE, TwinFigures, twin_html
 
@@ -136,7 +136,7 @@ def _compare_station(
 ) -> TwinComparison:
     """Return the comparison of what a station keeps; in a thread."""
     if station.source.end.fix:
-        return compare_with_twins(station.log(), experiment.sensors, experiment.navigator, progress=progress)
+        return twin_of(station.log(), experiment.sensors, experiment.navigator, progress=progress)
     with station.growing() as growing:
         records = growing.records()
     return twin_at_rest(records, experiment.sensors, progress=progress)

@@ -54,6 +54,8 @@ _CHUNK = 20_000
 _NO_NUMBER = ("", "-", "null", "NULL", "None", "N/A", "n/a", "NA", "nan", "NaN", "NAN", "inf", "-inf", "∞")
 """How loggers write an unknown value."""
 _COORDINATES = ("latitude", "longitude")
+_MINUTES = 60.0
+"""Largest minutes of a degree."""
 _TIMES = ("time", "seconds", "fraction", "date", "clock")
 _HEIGHTS_ABOVE = re.compile(
     rb"(?im)^[#%][^\n]{0,200}height[^\n]{0,60}[/ =](ellipsoid|geodetic|sea level|msl\b)"
@@ -340,7 +342,7 @@ def _with_minutes(
         degrees, minutes = columns[of["°"]], np.abs(columns[of["′"]])
         if "°/3600" in of:
             minutes = minutes + np.abs(columns[of["°/3600"]]) / 60
-        if not (np.isfinite(minutes) & (minutes <= 60)).any():
+        if not (minutes <= _MINUTES).any():
             continue
         columns[of["°"]] = degrees + np.copysign(minutes / 60, degrees)
         parts += [i for unit, i in of.items() if unit != "°"]
