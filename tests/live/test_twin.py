@@ -11,7 +11,7 @@ from lab.analysis.rest import Record, card_of, with_noise
 from lab.data.streams.live_log import make_log
 from lab.experiment.experiment import Experiment
 from lab.live.simulated.simulated_flight import SimulatedFlight
-from lab.live.twin import TwinComparison, twin_of, twin_at_rest
+from lab.live.twin import TwinComparison, twin_at_rest, twin_of
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import card
 from lab.sensors.suite import SensorSuite

@@ -17,7 +17,7 @@ from dashboards.style import whole_column, wide_html
 from lab.analysis.rest import with_noise
 from lab.experiment.experiment import Experiment
 from lab.live.station import Station
-from lab.live.twin import TwinComparison, twin_of, twin_at_rest
+from lab.live.twin import TwinComparison, twin_at_rest, twin_of
 from lab.sensors.cards import Card
 from lab.views.twin_comparison import STYLE, TwinFigures, twin_html
 
