@@ -306,12 +306,12 @@ class Live(PartOfWatched, Page):
     def _open_station(
         self, chosen: Chosen, watcher: object, visitor: Visitor
     ) -> tuple[str, Station, list[str]]:
-        """Return what `_open` does; in a thread."""
+        """Return what `Chosen.open_station` does; in a thread."""
         try:
-            key, station, differences = _open(chosen, watcher, visitor)
+            key, station, differences = chosen.open_station(watcher, visitor)
             if differences and STATIONS.watchers(key) == 1:  # the others have just left
                 _release_station(key, watcher)
-                key, station, differences = _open(chosen, watcher, visitor)
+                key, station, differences = chosen.open_station(watcher, visitor)
         except ValueError:
             if chosen.phone is not None:
                 forget_phone(chosen.phone)
@@ -485,24 +485,6 @@ class Live(PartOfWatched, Page):
         device = station.source.device if station is not None else None
         if device is not None and watched is not None and watched.may_change:
             device.unplug(AWAY)  # the device plugs itself in again: this page may be closed before
-
-
-def _open(chosen: Chosen, watcher: object, visitor: Visitor) -> tuple[str, Station, list[str]]:
-    """Return the station of a chosen source with its key, opened if it is not open.
-
-    The third value is in what a station that another page has opened differs from what was chosen.
-    """
-    if (make := chosen.make) is None:
-        return chosen.key, STATIONS.watch(chosen.key, watcher, visitor), []
-    wanted, made = chosen.wanted, list[Station]()
-
-    def make_one() -> Station:
-        made.append(make())
-        return made[-1]
-
-    alone = wanted is not None and wanted.is_alone
-    key, station = STATIONS.open(chosen.key, watcher, make_one, visitor, alone=alone)
-    return key, station, [] if wanted is None or station in made else wanted.differences(station)
 
 
 def _release_station(key: str, watcher: object) -> None:

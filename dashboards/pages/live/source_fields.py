@@ -22,6 +22,7 @@ from lab.data.streams.address import Address
 from lab.data.streams.axis_map import AxisMap
 from lab.experiment.experiment import Experiment
 from lab.live import open as open_source
+from lab.live.owner import Visitor
 from lab.live.simulated.simulated_device import Misbehaviour, SimulatedDevice
 from lab.live.simulated.simulated_flight import SimulatedFlight, missing_rest
 from lab.live.simulated.simulated_link import local_link
@@ -101,6 +102,27 @@ class Chosen(NamedTuple):
     make: Callable[[], Station] | None
     wanted: Wanted | None = None
     phone: int | None = None
+
+    def open_station(self, watcher: object, visitor: Visitor) -> tuple[str, Station, list[str]]:
+        """Return the station with its key, opened if it is not open.
+
+        The third value is in what a station that another page has opened differs from what was chosen.
+        """
+        if (make := self.make) is None:
+            return self.key, STATIONS.watch(self.key, watcher, visitor), []
+        wanted, made = self.wanted, list[Station]()
+
+        def make_one() -> Station:
+            made.append(make())
+            return made[-1]
+
+        alone = wanted is not None and wanted.is_alone
+        key, station = STATIONS.open(self.key, watcher, make_one, visitor, alone=alone)
+        return (
+            key,
+            station,
+            [] if wanted is None or station in made else wanted.differences(station),
+        )
 
 
 class SourceFields:
