@@ -47,7 +47,7 @@ def register_cards() -> None:
     register("figure", "note", "lab.views.paper_figure:note")
     register("result", "view3d", "lab.views.scene:view3d")
     register("result", "explore", "lab.views.explorer:explore")
-    register("result", "json", "lab.experiment.json_form:json_of")
+    register("result", "json", "lab.experiment.json_form:result_to_json")
     register("result", "report", "lab.views.report:write_report")
     register("experiment", "sweep", "lab.experiment.ensembles.sweeping:sweep")
     register("experiment", "outage", "lab.experiment.ensembles.outages:outage")

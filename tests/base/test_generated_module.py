@@ -111,10 +111,10 @@ def test_only_the_last_versions_are_kept(folder: Path) -> None:
 
 AT_ONCE = """
 import sys
-from lab.base.compiling.generated_module import module_of
+from lab.base.compiling.generated_module import load_module
 sys.stdin.readline()
 for k in range(30):
-    assert module_of("shared", f"number = {k}\\n" + "# " + "x" * 20_000 + "\\n").number == k
+    assert load_module("shared", f"number = {k}\\n" + "# " + "x" * 20_000 + "\\n").number == k
 """
 
 

@@ -30,6 +30,7 @@ BOUNDS = {
     "MSFS/FSX fsLogger csv": (1e-3, 0.01, 1e-6, 0.15),
     # Doubles in full; the time is rounded to 8 µs.
     "MSFS Flight Recorder csv": (5e-6, 2e-5, 3e-5, 3e-4),
+    "SimConnect csv": (5e-6, 2e-5, 3e-5, 3e-4),
     # Four fixes a second miss what the gusts do in between; the attitude is reconstructed.
     "FlightGear insgns-gps and insgns-imu": (0.01, 0.03, 0.05, 0.3),
     "JSBSim csv": (1e-7, 1e-8, 1e-9, 1e-6),

@@ -59,12 +59,12 @@ from lab.run import memory
 
 rows = np.ones(100_000)
 memory.give_back()
-memory.forget(np.ones(100_000))
+memory.release_pages(np.ones(100_000))
 gc.collect()
 gc.disable()
 for _ in range(3):
     memory.give_back()
-    memory.forget(rows)
+    memory.release_pages(rows)
 print(gc.collect())
 """
 

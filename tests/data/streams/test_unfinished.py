@@ -120,9 +120,15 @@ def test_a_recording_of_which_a_mission_is_made_is_neither_offered_nor_discarded
 
 def test_another_program_does_not_discard_a_recording_in_work(tmp_path: Path) -> None:
     kept, path = UnfinishedRecordings(), begun(tmp_path, "drive")
-    lines = "import sys; from lab.data.streams.unfinished import *; from pathlib import Path"
+    lines = "import sys; from lab.data.streams.unfinished import *; from pathlib import Path; "
+    lines += "print(hold_recording(Path(sys.argv[1])), flush=True); input()"
     holder = subprocess.Popen(
-        [sys.executable, "-c", f"{lines}; print(hold(Path(sys.argv[1])), flush=True); input()", str(path)],
+        [
+            sys.executable,
+            "-c",
+            f"{lines}; print(hold_recording(Path(sys.argv[1])), flush=True); input()",
+            str(path),
+        ],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
