@@ -62,7 +62,8 @@ def check_came(source: str, status: Status) -> None:
 
 def print_conclusion(status: Status) -> None:
     """Say on standard error what came, and what was lost."""
-    from lab.data.streams.source_status import STALE  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.imu_clock import BY_NUMBERS  # noqa: PLC0415 - help does not need it
+    from lab.data.streams.source_status import STALE  # noqa: PLC0415
 
     for sentence in (status.evidence, f"Timed {status.timing}." if status.timing else ""):
         if sentence:
@@ -81,7 +82,7 @@ def print_conclusion(status: Status) -> None:
     }
     told = ", ".join(text for text, count in lost.items() if count)
     nothing = "nothing was lost"
-    if "number of samples" in status.timing:
+    if BY_NUMBERS in status.timing:
         nothing = "losses do not show, as nothing numbers or times its samples"
     elif status.samples and status.rate > 0:  # every second one may be lost all the time
         nothing += f", if it sends {status.rate:.4g} samples a second"

@@ -16,6 +16,9 @@ from lab.data.clock.device_clock import DeviceClock
 from lab.data.clock.faults import steps_from
 from lab.data.clock.limits import LIMITS
 
+BY_NUMBERS = "by the number of samples"
+"""How samples are timed that nothing numbers or times: which of them are missing does not show."""
+
 Rows = NDArray[np.void]
 
 COUNTED = 2.0
@@ -196,7 +199,7 @@ class ImuClock:
         if self._given_rate and not self._counting:
             self._has_counter = bool((rows["count"] >= 0).all()) and not self.watch.distrusted
         self._counting = True
-        counter = "by the counter of the device" if self._has_counter else "by the number of samples"
+        counter = "by the counter of the device" if self._has_counter else BY_NUMBERS
         self.clock.counted = not self._has_counter
         count = rows["count"].astype(float) if self._has_counter else numbers
         rate = self.rate if self._given_rate else self._pace.judged(float(count[-1]), self.rate, arrival)
