@@ -68,14 +68,14 @@ def begin_and_note(page):
     begin(page)
     pages.add(page)
 SimulatorPage.__init__ = begin_and_note
-strays, search = [], garbage.search_from
+strays, search = [], garbage.collect_from
 async def search_and_note(roots):
     left = [ref(one) for one in roots]
     await search(roots)
     alive = {{type(one()).__name__ for one in left if one() is not None}}
     if alive and "SimulatorPage" not in alive:  # otherwise, the page is still in use
         strays.append(alive)
-garbage.search_from = search_and_note
+garbage.collect_from = search_and_note
 Openings.let_go.__defaults__ = (0.5,)
 gc.disable()
 pn.io.document._garbage_collect = lambda: None

@@ -56,7 +56,7 @@ _CHECKS: tuple[tuple[str, str, Any], ...] = (
     ("witmotion", "sum8", mock.ANY),
     ("bno085", "sum8", mock.ANY),
     ("mavlink", "crc16_mcrf4xx", mock.ANY),
-    ("phone_line", "passes", True),
+    ("phone_line", "has_valid_checksum", True),
 )
 """File and name of each check of a frame, and what it returns when all frames pass."""
 

@@ -13,6 +13,7 @@ def write(recording: Recording) -> bytes:
     roll, pitch, yaw = recording.euler.T
     north, east, down = recording.velocity_n.T / FOOT
     columns: dict[str, np.ndarray] = {
+        "timestamp": recording.time,  # of the computer
         "ABSOLUTE_TIME": absolute_time(recording),
         "PLANE_LATITUDE": np.degrees(recording.latitude),
         "PLANE_LONGITUDE": np.degrees(recording.longitude),

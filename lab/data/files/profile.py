@@ -41,7 +41,7 @@ _MAX_COLUMNS = 1000
 _MAX_TEXT = 300
 """Longest name, heading or quantity [characters]."""
 _TEXTS = ("name", "source", "about", "advice", "prefix", "suffix", "without_own_time", "vehicle")
-_LISTS = ("needs", "remarks", "shared", "axes")
+_LISTS = ("needs", "lacks", "remarks", "shared", "axes")
 _SWITCHES = ("simulator", "phone", "sea_level", "magnetic")
 
 
@@ -86,6 +86,8 @@ class Profile:
         Whether heights are above sea level.
     magnetic : bool
         Whether directions may be from magnetic north, as `lab.data.sheets.garmin_csv` reads them.
+    lacks : tuple of str
+        Headings that a file must not have, because another program writes them beside the same columns.
     """
 
     path: Path
@@ -106,6 +108,7 @@ class Profile:
     without_own_time: str = ""
     sea_level: bool = False
     magnetic: bool = False
+    lacks: tuple[str, ...] = ()
 
     @cached_property
     def meanings(self) -> Mapping[str, tuple[int, str]]:
@@ -128,7 +131,7 @@ class Profile:
 
     def fits(self, names: AbstractSet[str]) -> bool:
         """Return whether a file with some headings, as `plain` gives them, has this profile."""
-        return not any(map(names.isdisjoint, self.needed))
+        return not any(map(names.isdisjoint, self.needed)) and names.isdisjoint(map(plain, self.lacks))
 
     def missing(self, headings: Sequence[str]) -> list[str]:
         """Return the needs that no heading of a file meets, in words."""
@@ -167,7 +170,7 @@ def read_profile(path: Path) -> Profile:
     for key in _SWITCHES:
         if not isinstance(values.get(key, False), bool):
             raise MissionError(f"{path}: {key} = {values[key]!r}; accepted are true and false")
-    for key in ("remarks", "shared", "axes"):
+    for key in ("lacks", "remarks", "shared", "axes"):
         if not _are_texts(values.get(key, [])):
             raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is a list of texts")
     columns, defaults = (_table(path, values, key) for key in ("columns", "defaults"))
@@ -180,7 +183,7 @@ def read_profile(path: Path) -> Profile:
         )
     rest: dict[str, Any] = {key: values[key] for key in (*_TEXTS[1:], *_SWITCHES) if key in values}
     rest.pop("about", None)
-    rest |= {key: tuple(values.get(key, ())) for key in ("remarks", "shared", "axes")}
+    rest |= {key: tuple(values.get(key, ())) for key in ("lacks", "remarks", "shared", "axes")}
     if rest["axes"]:
         axes_matrix(rest["axes"], f"{path}: axes = ")
     if rest.get("vehicle", "") not in ("", *VEHICLES):
