@@ -45,6 +45,7 @@ from lab.navigation.checks import (
     check_r,
     check_smoother,
     check_user_states,
+    divergence_error,
 )
 from lab.navigation.filters import smoother, unscented
 from lab.navigation.filters.further_columns import with_blocks
@@ -311,12 +312,17 @@ def _solution(
     if not given.all():
         assumed = assumed._replace(R=assumed.R + WITHHELD**2 * np.eye(MEASUREMENTS) * ~given[:, None, None])
     arguments = (_make_read_only_views(imu), _make_read_only_views(fixes), start, assumed, schedule)
-    if navigator.model == "nonlinear":
-        solution = unscented.navigate(*arguments, stretches, aids, names)
-    else:
-        engine = smoother.navigate if navigator.smoother else linear.navigate
-        model = with_blocks(linear_model(navigator.model, navigator.mechanization), names)
-        solution = engine(*arguments, model, stretches, aids)
+    try:
+        if navigator.model == "nonlinear":
+            solution = unscented.navigate(*arguments, stretches, aids, names)
+        else:
+            engine = smoother.navigate if navigator.smoother else linear.navigate
+            model = with_blocks(linear_model(navigator.model, navigator.mechanization), names)
+            solution = engine(*arguments, model, stretches, aids)
+    except SettingError:
+        raise
+    except ValueError as error:  # functions of `math` stop at values that are not finite
+        raise divergence_error("the filter cannot go on", error) from error
     check_finite(solution, imu.time)
     check_place(solution, log.gnss.position[:, 0])
     return solution
