@@ -83,7 +83,7 @@ def field_label(declaration: param.Parameter) -> str:
     return f"{declaration.label} [{unit}]" if unit else str(declaration.label)
 
 
-def field_placeholder(declaration: param.Parameter) -> str:
+def describe_empty_field(declaration: param.Parameter) -> str:
     """Return what an empty field shows."""
     if isinstance(declaration, Intervals):
         return "none, or stretches such as 60–75, 120–130"

@@ -14,8 +14,8 @@ from bokeh.models import CustomJSTickFormatter
 
 from dashboards.field_text import (
     FOLLOWS,
+    describe_empty_field,
     field_label,
-    field_placeholder,
     follows_sensor,
     parse_field,
     per_axis,
@@ -387,7 +387,7 @@ class TextField(Field):
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
-        hint = field_placeholder(declaration)
+        hint = describe_empty_field(declaration)
         self.view = self._widget = pmui.TextInput(
             label=field_label(declaration),
             placeholder=hint,
