@@ -34,7 +34,7 @@ class AxisUnitLimits:
         Parts of the squared length of gravity that an axis feels at most and at least in the two attitudes
         that show its unit: tilts by 14° and 23°.
     blocks : int
-        Fewest blocks in each of them, a second.
+        Fewest blocks in each of them, and by which units are ahead of all others: a second.
     in_a_row : int
         Fewest blocks in a row that show another unit of all axes: 5 s.
     against : float
@@ -155,9 +155,14 @@ class AxisUnits:
 
     def _units_of_force(self) -> tuple[str, ...] | None:
         """Return the units of the force that its length bears out, if they are others; else None."""
+        if len(self._others) < 2:
+            return None
         changed = self._factors != 1
+        # An axis that has felt no gravity yet may be in any unit: as many blocks speak for each.
+        most = np.sort(self._wins)[-2:]
+        ahead = self._wins - np.where(self._wins == most[1], most[0], most[1])
         shown = ((self._shown >= LIMITS.blocks).all(axis=0) | ~changed).all(axis=1) & changed.any(axis=1)
-        shown &= (self._wins >= LIMITS.blocks) & (self._losses <= LIMITS.against * self._wins)
+        shown &= (ahead >= LIMITS.blocks) & (self._losses <= LIMITS.against * self._wins)
         shown = np.where(changed.all(axis=1), self._run >= LIMITS.in_a_row, shown)
         best = int(np.argmax(np.where(shown, self._wins, -1))) if shown.any() else 0
         return self._others[best] if shown.any() else None

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from further_outputs import COUNT, DEGREE, FORMS, RATE, G, motion, printed
 
+from lab.data.protocols.column_map import Column, ColumnMap
+from lab.data.streams.axis_units import AxisUnits
 from lab.data.streams.reception import Reception
 from lab.data.streams.transport import Chunk
 
@@ -68,6 +70,24 @@ def test_a_slip_in_both_is_said_one_after_the_other():
     assert reception.axis_units is not None
     _, second = received(text, Reception(said=reception.axis_units.said))
     assert "x and y in rad/s and z in °/s" in second.question
+
+
+def test_an_axis_that_has_not_been_tilted_is_not_said_to_be_read_right():
+    """While y feels no gravity, g and m/s² explain it alike: nothing is said before it has been tilted."""
+    columns = [Column(f"rate_{axis}", "rad/s") for axis in "xyz"]
+    columns += [Column(f"force_{axis}", "m/s²") for axis in "xyz"]
+    time = np.arange(0, 40, 0.02)
+    pitch, roll = 0.6 * np.sin(1.9 * time), np.where(time < 20, 0.0, 0.5 * np.sin(1.3 * time))
+    up = np.column_stack((-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)))
+    force = G * up + np.random.default_rng(1).normal(0, 0.03, up.shape)
+    units = AxisUnits(ColumnMap(tuple(columns)))
+    said = []
+    for rows in np.split(np.arange(len(time)), len(time) // 50):
+        units.add(time[rows], np.zeros((len(rows), 3)), force[rows] / (G, G, 1.0))
+        said.append(units.sentence)
+    assert not any(said[:20])
+    assert all("x and y in g and z in m/s²" in one for one in said if one)
+    assert said[-1]
 
 
 @pytest.mark.parametrize("name", FORMS)
