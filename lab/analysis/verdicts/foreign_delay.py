@@ -33,8 +33,8 @@ from scipy.signal import lfilter, savgol_filter
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import Weighed, format_number
+from lab.analysis.verdicts.finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_evidence import FEWEST, SETTLED, Measurement
-from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.base.arrays import Flags, FloatArray, of_kernel
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.log.filter_log import AXES, nearest

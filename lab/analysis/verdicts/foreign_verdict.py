@@ -33,9 +33,9 @@ from lab.analysis.verdicts.finding import (
     wrong_direction,
     wrong_factor_interval,
 )
+from lab.analysis.verdicts.finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_delay import of_delay
 from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement, lag_correlation, measure_innovations
-from lab.analysis.verdicts.foreign_finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_motion import of_heading
 from lab.analysis.verdicts.foreign_track import Compared, Jump, Statement, compare_positions, jumps
 from lab.base.notebook_card import NotebookCard

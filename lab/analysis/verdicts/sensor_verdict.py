@@ -16,11 +16,10 @@ from lab.analysis.verdicts.finding import (
     wrong_direction,
     wrong_factor_interval,
 )
-from lab.analysis.verdicts.finding_table import FINDINGS, SENSORS
+from lab.analysis.verdicts.finding_table import EARTH_RATE, FINDINGS, SENSORS
 from lab.analysis.verdicts.likely_factor import likely_factor
 from lab.analysis.verdicts.selection import Explained, estimates, likelihood_gain, select_causes
 from lab.analysis.verdicts.sensor_evidence import FACTORS, MOTION, SensorErrors
-from lab.analysis.verdicts.sensor_finding_table import EARTH_RATE
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
