@@ -22,22 +22,17 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
+from lab.base.parameters.toml_file import read_toml
 from lab.base.parameters.units import TO_SI
 from lab.experiment.number_table import TERMS, ImuNumbers, NumberRow
 
-STEP_PX4 = 0.01
-"""EKF2_PREDICT_US, 10 000 µs: the step of EKF2 [s]."""
-STEP_ARDUPILOT = 0.012
-"""EKF_TARGET_DT: the step of EKF3 [s]."""
-CORRELATION = 1.0
-"""Correlation time of KF-GINS that is written [h]: longer than a drive, so that its process is a random
-walk there."""
-MILLIGAL = 1e-5
-"""[m/s²]."""
+_UNITS = TO_SI | {"mGal": 1e-5}
+"""Units of programs in SI."""
 WIDTH = 100
 """Longest line of a comment: the console of PX4 cuts lines at 128 characters, and runs the rest."""
 
@@ -76,8 +71,10 @@ class Parameter(NamedTuple):
         The term it is made of.
     unit : str
         Its unit, and its meaning in a few words.
-    factor : callable
-        What it is made of, in SI units, times this at the rate of the samples [Hz] is its value.
+    factor : float
+        What it is made of, in SI units, times this is its value.
+    of_sample : bool
+        Whether it is also multiplied by the root of the rate of the samples.
     limits : Limits
         Accepted values.
     power : int
@@ -88,13 +85,14 @@ class Parameter(NamedTuple):
     triad: str
     term: str
     unit: str
-    factor: Callable[[float], float]
-    limits: Limits = POSITIVE
-    power: int = 1
+    factor: float
+    of_sample: bool
+    limits: Limits
+    power: int
 
     def value(self, row: NumberRow, rate: float) -> float:
         """Return its value."""
-        return (row.si * self.factor(rate)) ** self.power
+        return (row.si * (math.sqrt(rate) if self.of_sample else self.factor)) ** self.power
 
 
 class Program(NamedTuple):
@@ -123,186 +121,34 @@ class Program(NamedTuple):
     line: str
     comment: str
     parameters: tuple[Parameter, ...]
-    before: tuple[str, ...] = ()
-    after: tuple[str, ...] = ()
-    after_walks: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    before: tuple[str, ...]
+    after: tuple[str, ...]
+    after_walks: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
-def _unchanged_value(_rate: float) -> float:
-    return 1.0
+def _read_parameter(row: Mapping[str, Any], program: Mapping[str, Any]) -> Parameter:
+    """Return a parameter of the table."""
+    factor = program["per_step"] ** -0.5 if "per_step" in program else 1.0
+    if "unit_of" in row:
+        # The drive of a Gauss-Markov process is 2 σ² / T.
+        sigma = math.sqrt(program["correlation"] * 3600 / 2) if row["term"] == TERMS[1] else 1
+        factor = sigma / _UNITS[row["unit_of"]]
+    limits = Limits(*row["limits"]) if "limits" in row else POSITIVE
+    of_sample, power = row.get("of_sample", False), row.get("power", 1)
+    return Parameter(row["name"], row["triad"], row["term"], row["unit"], factor, of_sample, limits, power)
 
 
-def _divide_by_root(step: float) -> Callable[[float], float]:
-    return lambda _rate: step**-0.5
-
-
-def _four(
-    names: tuple[str, str, str, str],
-    units: tuple[str, str, str, str],
-    factors: tuple[Callable[[float], float], ...],
-    limits: tuple[Limits, ...] = (POSITIVE,) * 4,
-) -> tuple[Parameter, ...]:
-    """Return white noise of gyros and accelerometers, and the walks of their biases."""
-    terms = [(triad, term) for term in TERMS for triad in ("gyro", "accelerometer")]
-    return tuple(
-        Parameter(name, *term, unit, factor, limit)
-        for name, term, unit, factor, limit in zip(names, terms, units, factors, limits, strict=True)
-    )
+def _read_program(row: Mapping[str, Any]) -> Program:
+    """Return a program of the table."""
+    parameters = tuple(_read_parameter(one, row) for one in row["parameters"])
+    texts = (tuple(row.get(name, ())) for name in ("before", "after", "after_walks", "notes"))
+    return Program(row["title"], row["link"], row["line"], row.get("comment", "#"), parameters, *texts)
 
 
 PROGRAMS = {
-    "kalibr": Program(
-        "Kalibr, imu.yaml (master, 2023 and later)",
-        "https://github.com/ethz-asl/kalibr/wiki/IMU-Noise-Model",
-        "{name}: {value}",
-        "#",
-        _four(
-            (
-                "gyroscope_noise_density",
-                "accelerometer_noise_density",
-                "gyroscope_random_walk",
-                "accelerometer_random_walk",
-            ),
-            (
-                "rad/s/sqrt(Hz), continuous, two-sided",
-                "m/s^2/sqrt(Hz), continuous, two-sided",
-                "rad/s^2/sqrt(Hz), continuous",
-                "m/s^3/sqrt(Hz), continuous",
-            ),
-            (_unchanged_value,) * 4,
-        ),
-        after=("# Hz", "update_rate: {rate:.6g}"),
-        notes=("rostopic is yours.",),
-    ),
-    "px4": Program(
-        "PX4 v1.14 to v1.16, EKF2 parameters",
-        "https://docs.px4.io/main/en/advanced_config/parameter_reference.html",
-        "param set {name} {value}",
-        "#",
-        _four(
-            ("EKF2_GYR_NOISE", "EKF2_ACC_NOISE", "EKF2_GYR_B_NOISE", "EKF2_ACC_B_NOISE"),
-            (
-                "rad/s, sigma of one step of 10 ms",
-                "m/s^2, sigma of one step of 10 ms",
-                "rad/s^2, step of the bias over 10 ms",
-                "m/s^3, step of the bias over 10 ms",
-            ),
-            (_divide_by_root(STEP_PX4),) * 4,
-            (Limits(0.0001, 0.1), Limits(0.01, 1.0), Limits(0.0, 0.01), Limits(0.0, 0.01)),
-        ),
-        notes=(
-            "They hold for EKF2_PREDICT_US 10000; with another step, multiply by sqrt(10000/step).",
-            "In newer versions, the variance of a bias only grows while its sigma is below EKF2_GYR_NOISE or "
-            "EKF2_ACC_NOISE.",
-        ),
-    ),
-    "ardupilot": Program(
-        "ArduPilot 4.4 to 4.7, EKF3 parameters",
-        "https://ardupilot.org/copter/docs/parameters.html#ek3-gyro-p-nse",
-        "{name},{value}",
-        "#",
-        _four(
-            ("EK3_GYRO_P_NSE", "EK3_ACC_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ABIAS_P_NSE"),
-            (
-                "rad/s, sigma of one step of 12 ms",
-                "m/s/s, sigma of one step of 12 ms",
-                "rad/s/s, step of the bias over 12 ms",
-                "m/s/s/s, step of the bias over 12 ms",
-            ),
-            (_divide_by_root(STEP_ARDUPILOT),) * 4,
-            (Limits(0.0001, 0.1), Limits(0.01, 1.0), Limits(0.00001, 0.001), Limits(0.00001, 0.02)),
-        ),
-        notes=(
-            "They hold for SCHED_LOOP_RATE of 84 or more, as of Copter and Sub. The step of EKF3 is no "
-            "shorter than the loop's: at 50, the default of Plane and Rover, multiply by 0.775, sqrt(12/20).",
-        ),
-    ),
-    "kf-gins": Program(
-        "KF-GINS 1.0, kf-gins.yaml",
-        "https://github.com/i2Nav-WHU/KF-GINS/blob/main/dataset/kf-gins.yaml",
-        "  {name}: [{value}, {value}, {value}]",
-        "#",
-        _four(
-            ("arw", "vrw", "gbstd", "abstd"),
-            ("deg/sqrt(hr)", "m/s/sqrt(hr)", "deg/hr, with corrtime", "mGal, with corrtime"),
-            (
-                lambda _rate: 1 / TO_SI["°/√h"],
-                lambda _rate: 1 / TO_SI["m/s/√h"],
-                lambda _rate: math.sqrt(CORRELATION * 3600 / 2) / TO_SI["°/h"],
-                lambda _rate: math.sqrt(CORRELATION * 3600 / 2) / MILLIGAL,
-            ),
-        ),
-        before=("imunoise:",),
-        after_walks=(
-            "# hr; the drive of each process is 2 std^2/corrtime. Where you change corrtime, gsstd and asstd",
-            "# keep their drive if they are multiplied by the root of its change",
-            f"  corrtime: {CORRELATION}",
-        ),
-        notes=(
-            "Keep your lines gsstd and asstd in this section, and any that is not known: without one of "
-            "them, the program ends.",
-            "initbgstd and initbastd are not known from noise: without them, the program starts with gbstd "
-            "and abstd as the sigma of the turn-on bias.",
-        ),
-    ),
-    "matlab": Program(
-        "MATLAB R2022b and later, Navigation Toolbox",
-        "https://www.mathworks.com/help/nav/ref/insfilterasync.html",
-        "{name} = {value};",
-        "%",
-        (
-            Parameter("gyro.NoiseDensity", "gyro", TERMS[0], "(rad/s)/sqrt(Hz)", _unchanged_value),
-            Parameter("gyro.RandomWalk", "gyro", TERMS[1], "(rad/s)*sqrt(Hz)", _unchanged_value),
-            Parameter("accel.NoiseDensity", "accelerometer", TERMS[0], "(m/s^2)/sqrt(Hz)", _unchanged_value),
-            Parameter("accel.RandomWalk", "accelerometer", TERMS[1], "(m/s^2)*sqrt(Hz)", _unchanged_value),
-            Parameter("gyroCovariance", "gyro", TERMS[0], "(rad/s)^2, for fusegyro", math.sqrt, power=2),
-            Parameter(
-                "accelCovariance", "accelerometer", TERMS[0], "(m/s^2)^2, for fuseaccel", math.sqrt, power=2
-            ),
-            Parameter("filter.GyroscopeBiasNoise", "gyro", TERMS[1], "(rad/s)^2", _unchanged_value, power=2),
-            Parameter(
-                "filter.AccelerometerBiasNoise",
-                "accelerometer",
-                TERMS[1],
-                "(m/s^2)^2",
-                _unchanged_value,
-                power=2,
-            ),
-        ),
-        before=(
-            "gyro = gyroparams('NoiseType', 'single-sided');",
-            "accel = accelparams('NoiseType', 'single-sided');",
-            "filter = insfilterAsync;",
-        ),
-        notes=(
-            "'single-sided' makes sigma of a sample NoiseDensity*sqrt(rate), so that NoiseDensity is N of "
-            "IEEE 952; with 'double-sided', the default, multiply NoiseDensity by sqrt(2).",
-        ),
-    ),
-    "robot_localization": Program(
-        "robot_localization 3 (ROS 2), ekf.yaml and sensor_msgs/Imu",
-        "https://docs.ros.org/en/rolling/p/robot_localization/configuring_robot_localization.html",
-        "# {name}: {value}",
-        "#",
-        (
-            Parameter(
-                "angular_velocity_covariance diagonal", "gyro", TERMS[0], "(rad/s)^2", math.sqrt, power=2
-            ),
-            Parameter(
-                "linear_acceleration_covariance diagonal",
-                "accelerometer",
-                TERMS[0],
-                "(m/s^2)^2",
-                math.sqrt,
-                power=2,
-            ),
-        ),
-        notes=(
-            "The filter takes the IMU as a measurement: its noise stands in the covariances of the messages "
-            "of its driver. It has no biases, so the random walks have no place.",
-        ),
-    ),
+    name: _read_program(row)
+    for name, row in read_toml(Path(__file__).with_name("filter_programs.toml")).items()
 }
 """The programs by name. robot_localization also has the walk of the motion; see `lines`."""
 

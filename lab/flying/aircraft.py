@@ -1,7 +1,6 @@
-"""Aircraft: the aircraft the pilot can fly: limits, speeds, and gains of the controls.
+"""Aircraft: the aircraft the pilot can fly, in ``aircraft.toml``: limits, speeds, and gains of the controls.
 
-The models are JSBSim's own. Limits are what the pilot flew in calm air and in turbulence of severity 2, as
-`tests/flying/test_aircraft.py` does again; they are not those of the real aircraft's handbook.
+The models are JSBSim's own.
 """
 
 from __future__ import annotations
@@ -9,6 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lab.base.parameters.toml_file import read_toml
 
 
 @dataclass(frozen=True)
@@ -89,141 +92,17 @@ class Aircraft:
     retracts: bool = False
 
 
-# Where the limits come from, the docstring of the file says; tests/flying/test_aircraft.py flies them again.
-_ALL = (
-    Aircraft(
-        name="c172p",
-        title="Cessna 172P",
-        limits={
-            "airspeed_m_s": (33, 58),
-            "rate_m_s": (0.2, 5),
-            "height_m": (30, 3500),
-            "bank_deg": (5, 40),
-            "rotation_m_s": (24, 36),
-        },
-        airspeed=40.0,
-        rate=3.3,
-        slowest=32.0,
-        stall_airspeed=22.0,
-        rotation=28.3,
-        climb_out=38.0,
-    ),
-    Aircraft(
-        name="J3Cub",
-        title="Piper J-3 Cub",
-        limits={
-            "airspeed_m_s": (24, 36),
-            "rate_m_s": (0.2, 1.5),
-            "height_m": (30, 1500),
-            "bank_deg": (5, 30),
-            "rotation_m_s": (18, 24),
-        },
-        airspeed=28.0,
-        rate=1.0,
-        slowest=21.0,
-        stall_airspeed=15.0,
-        gains=Gains(
-            aileron=0.7,
-            elevator=1.6,
-            rudder=0.6,
-            throttle_speed=0.12,
-            throttle_trim=0.015,
-            throttle_climb=0.12,
-            heading=1.0,
-        ),
-        standing_height_ft=4.2,
-        rotation=20.0,
-        climb_out=26.0,
-        climb_out_pitch=math.radians(9.0),
-    ),
-    Aircraft(
-        name="t6texan2",
-        title="Beechcraft T-6 Texan II",
-        limits={
-            "airspeed_m_s": (70, 140),
-            "rate_m_s": (0.2, 12),
-            "height_m": (30, 5000),
-            "bank_deg": (5, 60),
-            "rotation_m_s": (45, 60),
-        },
-        airspeed=90.0,
-        rate=6.0,
-        climb_acceleration=1.0,
-        slowest=62.0,
-        stall_airspeed=45.0,
-        gains=Gains(
-            aileron=0.3,
-            elevator=1.2,
-            rudder=0.6,
-            throttle_speed=0.06,
-            throttle_trim=0.006,
-            throttle_climb=0.04,
-            heading=1.8,
-        ),
-        standing_height_ft=6.2,
-        rotation=48.0,
-        climb_out=75.0,
-        retracts=True,
-    ),
-    Aircraft(
-        name="T37",
-        title="Cessna T-37",
-        limits={
-            "airspeed_m_s": (75, 170),
-            "rate_m_s": (0.2, 12),
-            "height_m": (30, 6000),
-            "bank_deg": (5, 45),
-            "rotation_m_s": (45, 65),
-        },
-        airspeed=100.0,
-        rate=6.0,
-        climb_acceleration=1.0,
-        slowest=70.0,
-        stall_airspeed=50.0,
-        gains=Gains(
-            aileron=0.3,
-            elevator=1.4,
-            rudder=0.8,
-            throttle_speed=0.05,
-            throttle_trim=0.003,
-            throttle_climb=0.04,
-            heading=1.8,
-        ),
-        standing_height_ft=1.8,
-        rotation=50.0,
-        climb_out=80.0,
-        retracts=True,
-    ),
-    Aircraft(
-        name="737",
-        title="Boeing 737",
-        limits={
-            "airspeed_m_s": (110, 240),
-            "rate_m_s": (0.2, 12),
-            "height_m": (30, 9000),
-            "bank_deg": (5, 40),
-            "rotation_m_s": (75, 90),
-        },
-        airspeed=140.0,
-        rate=8.0,
-        climb_acceleration=1.0,
-        slowest=100.0,
-        stall_airspeed=75.0,
-        gains=Gains(
-            aileron=0.7,
-            elevator=2.0,
-            rudder=0.8,
-            throttle_speed=0.04,
-            throttle_trim=0.003,
-            throttle_climb=0.025,
-            heading=2.0,
-        ),
-        standing_height_ft=4.0,
-        rotation=80.0,
-        climb_out=110.0,
-        retracts=True,
-    ),
-)
+def _read_aircraft(name: str, row: Mapping[str, Any]) -> Aircraft:
+    """Return an aircraft of the table; a key that ends in ``_deg`` is an angle in degrees."""
+    angles = {key: math.radians(row[key]) for key in row if key.endswith("_deg")}
+    given = {key: value for key, value in row.items() if key not in angles}
+    given |= {key.removesuffix("_deg"): angle for key, angle in angles.items()}
+    given["limits"] = {key: tuple(bounds) for key, bounds in row["limits"].items()}
+    return Aircraft(name, **given | {"gains": Gains(**row.get("gains", {}))})
 
-AIRCRAFT: dict[str, Aircraft] = {aircraft.name: aircraft for aircraft in _ALL}
-"""Every aircraft the pilot flies, by Its name in JSBSim."""
+
+AIRCRAFT = {
+    name: _read_aircraft(name, row)
+    for name, row in read_toml(Path(__file__).with_name("aircraft.toml")).items()
+}
+"""Every aircraft the pilot flies, by its name in JSBSim."""
