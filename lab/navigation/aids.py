@@ -117,6 +117,7 @@ NO_AIDS = _nothing()
 @inline_kernel
 def _see_height(state: FloatArray, age: float, down: float, height: float, H: FloatArray) -> float:
     """Return the height of the navigator minus that of a barometer, with its estimated bias."""
+    # The position error is positive down, the height up.
     H[2] = -1.0
     H[5] = age  # the height refers to the time of the measurement
     if BAROMETER_BIAS >= 0:
@@ -140,6 +141,7 @@ def _see_speed(
     v_b = C_bn v_n + ω_ib,b × l; the rotation of the Earth, 0.07 mm/s at a metre, is left out.
     """
     column = C[0][axis], C[1][axis], C[2][axis]
+    # δ(c · v) = −(φ × c) · v = φ · (v × c) for the axis c.
     by_attitude = cross(v, column)
     turned = cross(rate, place)
     predicted = v[0] * column[0] + v[1] * column[1] + v[2] * column[2] + turned[axis]
@@ -170,6 +172,7 @@ def _see_azimuth(state: FloatArray, axis: Vector, azimuth: float, H: FloatArray)
     """
     north, east, down = axis
     per_level = 1 / (north * north + east * east)
+    # The azimuth changes by (c_N δc_E − c_E δc_N) / (c_N² + c_E²), with δc = −φ × c.
     H[6], H[7], H[8] = down * north * per_level, down * east * per_level, -1.0
     if HEADING_SENSOR_BIAS >= 0:
         H[HEADING_SENSOR_BIAS] = 1.0
@@ -309,6 +312,7 @@ def predict_aid(
     for i in range(STATES):
         H[i] = 0.0
     v, before = get(state, strapdown.VELOCITY), get(state, strapdown.PREVIOUS_VELOCITY)
+    # Back to the time of the measurement, along the straight line between the ends of the sample.
     part = age / dt
     change = v[0] - before[0], v[1] - before[1], v[2] - before[2]
     v = rotate(axes, plus(v, -part, change))
@@ -322,11 +326,13 @@ def predict_aid(
         return see_further(kind, state, v, age, value, H) if further else _see_airspeed(state, v, value, H)
     rate = plus((0.0, 0.0, 0.0), state[strapdown.PER_STEP], get(state, strapdown.PREVIOUS_DTHETA))
     at = strapdown.Q_NB
+    # The attitude, turned back by the corrected rate of the sample.
     q = product(
         (state[at], state[at + 1], state[at + 2], state[at + 3]),
         rotation((-age * rate[0], -age * rate[1], -age * rate[2])),
     )
     C = matrix(q)
+    # C takes vectors to the navigation frame; its columns there are turned to north, east, down.
     columns = (
         rotate(axes, (C[0][0], C[1][0], C[2][0])),
         rotate(axes, (C[0][1], C[1][1], C[2][1])),

@@ -128,6 +128,7 @@ def belief(
         else matched_noise(sensors, drive[:3], drive[3:])
     )
     R = _expand_diagonal(navigator.r) if navigator.r is not None else matched_r(sensors)
+    # Factors on variances: by their roots on both sides, correlation coefficients stay.
     root = np.sqrt(r_factors(navigator))
     P0 = (
         _given_p0(navigator)
@@ -139,6 +140,7 @@ def belief(
         P0 = linalg.block_diag(P0, np.diag(further.variance))
         if navigator.p0 is None:
             _correlate(P0, constants, chosen_blocks(navigator, sensors))
+        # Scale factors are constants, with neither drive nor decay.
         scales = np.zeros(navigator.states - blocks.CORE)
         drive = np.concatenate((np.diag(noise), scales, further.drive))
         decay = np.concatenate((decay, scales, further.decay))
@@ -232,6 +234,7 @@ def _matched_p0(
 
 def _correlate(P0: FloatArray, constants: FloatArray, names: tuple[str, ...]) -> None:
     """Write into P0 what an alignment makes the errors that it considered and those before in common."""
+    # Behind the 21 errors of every alignment stand those that it considered, in the order of `CONSIDERED`.
     first = known = 21
     if constants.shape[0] == known:
         return
@@ -331,6 +334,7 @@ def bias_process(
     else:
         changing = flicker
     drive = np.minimum(growth, settled) + 2 * changing / flicker_time
+    # In the mean, a Gauss-Markov process of the variance σ² and the drive q decays by q / (2 σ²).
     decay = np.divide(drive, 2 * total, out=np.zeros(3), where=total > 0)
     return drive + si(errors, "rate_random_walk") ** 2, decay
 
@@ -350,6 +354,7 @@ def hidden_by_fixes(sensors: SensorSuite) -> FloatArray:
         floor = (FLICKER_FLOOR * size * si(errors, "flicker")) ** 2
         until = []
         for quantity, degree in (("velocity_variance", order), ("position_variance", order + 1)):
+            # perm(2k, k) is (2k)! / k!.
             factor = (2 * degree + 1) * math.perm(2 * degree, degree) ** 2
             seen = factor * period * float(np.mean(si(sensors.gps, quantity)))
             variance = np.divide(seen, floor, out=np.zeros(3), where=floor > 0)
@@ -371,6 +376,7 @@ def flicker_process(
     the fixes hide changes, `hidden`: between fixes of metres, quiet accelerometers show nothing.
     """
     B, N = si(errors, "flicker"), si(errors, "noise_density")
+    # The Allan deviation N / √T of white noise meets the floor at T = (N / floor)².
     meeting = np.divide(N, FLICKER_FLOOR * B, out=np.zeros(3), where=B > 0) ** 2
     shown = np.maximum(np.maximum(meeting, hidden), SHORTEST_MEETING)
     return FLICKER_VARIANCE * B**2, shown / FLICKER_PEAK
@@ -405,6 +411,7 @@ def schedule_filter(navigator: NavigatorSettings, dt: float, samples: int) -> Sc
     """
     rate = navigator.filter_rate
     by_chance = min(max(1 - suspicion(navigator), UNEXPLAINED), COMMONEST)
+    # So many rejections in a row have, by chance alone, the probability `UNEXPLAINED`: pⁿ.
     accusing = math.ceil(math.log(UNEXPLAINED) / math.log(by_chance))
     return Schedule(
         feedback=navigator.correction == "feedback",

@@ -94,6 +94,7 @@ def navigate(
     waited, elapsed, next_fix, next_aid = 0, 0.0, 0, 0
     rest, feedback = _Rest(belief, model), _Feedback(schedule, model, float(imu.time[0]))
     turned = mean_rates_at_fixes(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
+    # Without a lever arm, one row without a turn stands for all fixes.
     turned = np.broadcast_to(turned, (fixes.time.size, 4))
     driven = list(blocks.find_places(model.blocks))[: belief.decay.size]
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
@@ -175,6 +176,7 @@ def _use_fix(
 ) -> None:
     """Update with fix m after sample k, and write what came of it."""
     age = time - fixes.time[m]
+    # It is older than the sample, as before a start: the navigator is interpolated within one sample only.
     if age > dt * (1 + SLACK):
         return
     before = kalman.x, kalman.P
@@ -188,6 +190,7 @@ def _use_fix(
     out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
     out.fix_H[m], out.fix_R[m], out.fix_held[m] = H, R, held * D[1, GYRO_BIAS]
     if kalman.y @ np.linalg.solve(kalman.S, kalman.y) > schedule.gate:
+        # filterpy has updated already: what a rejected fix did is undone.
         kalman.x, kalman.P = before
         out.fix_rejected[m], out.fix_held[m] = True, 0.0
         return
@@ -239,6 +242,7 @@ def _use_aid(
     if out.aid_innovation[a] ** 2 > schedule.aid_gate * out.aid_variance[a]:
         return
     out.aid_gain[a] = T @ kalman.P @ H[0] / out.aid_variance[a]
+    # filterpy takes H x off itself, and the residual is already that of the corrected navigator.
     kalman.update(residual + H @ kalman.x, R=R, H=H)
     kalman.P = (kalman.P + kalman.P.T) / 2
     out.aid_sample[a] = k + 1
@@ -309,6 +313,7 @@ class _Rest:
         """Add the rate of a sample at rest; return whether an update is due."""
         if self.held is None:
             return False
+        # As measured, the bias put back: an update within this second changes the estimate.
         self.rates.append(part_of(state, strapdown.PREVIOUS_DTHETA) / dt + _bias_taken(state))
         self.length += dt
         return self.length >= SPAN - NEAREST * dt
@@ -324,6 +329,7 @@ class _Rest:
         down = held[2]
         R = down**2 @ np.maximum(self.belief.noise[:3] / length, rates.var(axis=0) / rates.shape[0])
         H = np.zeros((1, self.model.states))
+        # As `standstill.predict_rest`, in matrices: only the vertical row of ω_ie × φ.
         H[:, ATT] = skew(omega_ie)[2] @ (C_nb if self.model.in_body else np.eye(3))
         H[:, GYRO_BIAS] = -down / (1 + part_of(state, strapdown.GYRO_SCALE))
         as_biases(state, H, self.model.blocks)
@@ -385,6 +391,7 @@ def _update(
     if held:
         kalman.K = kalman.K - D.T @ D @ kalman.K
         kalman.x = x + kalman.K @ kalman.y
+        # Along D, what the optimal update took off is put back.
         kalman.P = kalman.P + D.T @ D @ (P - kalman.P) @ D.T @ D
     kalman.P = (kalman.P + kalman.P.T) / 2
     return held
@@ -401,6 +408,7 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool
         apply_group_exponential(own)
     x = model.map(state) @ own
     per_latitude, per_longitude = metres_per_radian(state)
+    # The position error is positive down, so that of the height is added.
     latitude, longitude, height = part_of(state, strapdown.LATITUDE)
     strapdown.set_position(
         state, latitude - x[0] / per_latitude, longitude - x[1] / per_longitude, height + x[2]
@@ -409,6 +417,7 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool
     # A second fix before the next sample interpolates between this one and the one before.
     _write_state(state, strapdown.PREVIOUS_VELOCITY, part_of(state, strapdown.PREVIOUS_VELOCITY) - x[VEL])
     _write_state(state, strapdown.CORRECTED, part_of(state, strapdown.CORRECTED) + x[ATT])
+    # Ĉ = (I − [φ×]) C, so the truth is exp(+[φ×]) Ĉ.
     q_nb = Rotation.from_rotvec(x[ATT]) * Rotation.from_quat(
         part_of(state, strapdown.Q_NB, 4), scalar_first=True
     )

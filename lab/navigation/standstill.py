@@ -79,6 +79,7 @@ def at_rest(imu: Imu, fixes: Fixes, belief: Belief, grid: FloatArray | None = No
         grid = imu.time[0] + SPAN * np.arange(int((imu.time[-1] - imu.time[0]) / SPAN) + 1)
     slow = _slow(grid[:-1], fixes, belief)
     for first, last in _stretches(slow):
+        # A sample whose stamp is rounded to just before a second still begins it.
         edges = np.searchsorted(imu.time, grid[first : last + 1] - 1e-9)
         still = still_seconds(imu, belief, edges)
         for a, b in _stretches(still):
@@ -194,6 +195,7 @@ def _slow(seconds: FloatArray, fixes: Fixes, belief: Belief) -> NDArray[np.bool_
     """Return the mask of the seconds with fixes about them of which none shows a speed."""
     variance = np.diagonal(belief.fix_covariance(np.arange(fixes.time.size)), axis1=-2, axis2=-1)[..., 3:]
     squares = np.sum(fixes.velocity_n**2 / np.maximum(variance, LEAST_SPEED**2), axis=1)
+    # Counted up: a fast fix lies between two places where the counts there differ.
     fast = np.concatenate(([0], np.cumsum(squares > SLOW)))
     first, last = (np.searchsorted(fixes.time, seconds + shift) for shift in (-SPAN, 2 * SPAN))
     return np.asarray((last > first) & (fast[last] == fast[first]))
@@ -228,6 +230,7 @@ def still_seconds(imu: Imu, belief: Belief, edges: NDArray[np.intp]) -> NDArray[
 
 def _stretches(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the stretches (first, end) of at least `SHORTEST` consecutive true flags."""
+    # Between the added False, flags change an even number of times: begin, end, begin, end.
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST]
 
@@ -310,9 +313,11 @@ def predict_rest(
     count = sums[COUNT]
     bias = strapdown.bias_taken(state, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
     per = strapdown.per_scale(state, strapdown.GYRO_SCALE)
+    # The variance is divided by: gyros without noise, too, must have some.
     rate, variance = 0.0, 1e-18
     for i in range(3):
         mean = sums[SUMS + i] / count
+        # Rounding may make the difference of two nearly equal squares negative.
         shown = max(0.0, sums[SQUARES + i] / count - mean * mean) / count
         rate += down[i] * (mean - bias[i] - turned[i])
         variance += down[i] * down[i] * max(noise[i] / sums[ELAPSED], shown)
@@ -320,6 +325,7 @@ def predict_rest(
     H[0], H[1], H[2] = -frame_rate[1] * per_sigma, frame_rate[0] * per_sigma, 0.0
     for i in range(3):
         H[3 + i] = -down[i] * per[i] * per_sigma
+    # All but the held attitude, which lasts for the whole rest.
     for i in range(HELD):
         sums[i] = 0.0
     return rate * per_sigma

@@ -175,6 +175,7 @@ def product(p: Quaternion, q: Quaternion) -> Quaternion:
 @inline_kernel
 def small_rotation(v: Vector) -> Quaternion:
     """Return the quaternion of a rotation vector below 0.5 rad, by series (error below 1e-13)."""
+    # s is the square of half of the angle; Horner's scheme for cos √s and for half of sin √s / √s.
     s = 0.25 * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     c = 1 - s * (1 / 2 - s * (1 / 24 - s * (1 / 720 - s * (1 / 40320 - s / 3628800))))
     f = 0.5 * (1 - s * (1 / 6 - s * (1 / 120 - s * (1 / 5040 - s * (1 / 362880 - s / 39916800)))))
@@ -283,6 +284,7 @@ def corrected(state: FloatArray, measured: Vector, dt: float, bias: int, scale: 
     x, y, z = per_scale(state, scale)
     unbiased = plus(measured, -dt, whole_bias(state, bias))
     scaled = unbiased[0] * x, unbiased[1] * y, unbiased[2] * z
+    # Solves f = (I + S)⁻¹ (u − M f) by iteration: each round adds one power of M.
     aligned = scaled
     for _ in range(2):
         aligned = (
@@ -423,6 +425,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     put(state, VELOCITY, v_new)
 
     put(state, PREVIOUS_VELOCITY, v)
+    # Without coning and sculling, which the next step computes from these.
     put(state, PREVIOUS_DTHETA, dtheta)
     put(state, PREVIOUS_DVELOCITY, dvelocity)
     age_correction(state)

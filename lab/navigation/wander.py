@@ -92,6 +92,7 @@ def put_quaternion(state: FloatArray, at: int, q: Quaternion) -> None:
 def _keep_axis(state: FloatArray) -> None:
     """Write the Earth's axis and the sine of the latitude from the position."""
     w, x, y, z = quaternion(state, Q_EW)
+    # The third row of C_ew: the Earth's axis, resolved in w.
     state[AXIS] = 2 * (x * z - w * y)
     state[AXIS + 1] = 2 * (y * z + w * x)
     state[AXIS + 2] = 1 - 2 * (x * x + y * y)
@@ -101,6 +102,7 @@ def _keep_axis(state: FloatArray) -> None:
 @kernel
 def place(state: FloatArray, latitude: float, longitude: float, height: float) -> None:
     """Write the position, with w aligned with north, east, down there."""
+    # C_en = R_z(longitude) R_y(−latitude − 90°): half angles, as quaternions have them.
     turn, tilt = 0.5 * longitude, -0.5 * (latitude + 0.5 * math.pi)
     about_axis = (math.cos(turn), 0.0, 0.0, math.sin(turn))
     put_quaternion(state, Q_EW, product(about_axis, (math.cos(tilt), 0.0, math.sin(tilt), 0.0)))
@@ -142,6 +144,7 @@ def move(state: FloatArray, velocity: Vector, dt: float) -> None:
     # Quaternion of the turn, without its third order, below 10⁻¹⁸: a step turns the frame by microradians.
     a, b = 0.5 * dt * x, 0.5 * dt * y
     c = 1 - 0.5 * (a * a + b * b)
+    # The product q_ew ⊗ (c, a, b, 0), written out: this frame turns about level axes alone.
     q_w, q_x, q_y, q_z = quaternion(state, Q_EW)
     q = (
         c * q_w - a * q_x - b * q_y,
@@ -181,6 +184,7 @@ def north(state: FloatArray) -> tuple[float, float, float]:
 @inline_kernel
 def heading_turn(x: float, y: float) -> Quaternion:
     """Return q_nw, where north is the horizontal unit vector (x, y) of w."""
+    # Half angles from sine and cosine of the angle, by the one of both that is not small.
     if x > 0:
         cosine = math.sqrt(0.5 * (1 + x))
         return cosine, 0.0, 0.0, -0.5 * y / cosine
@@ -203,6 +207,7 @@ def north_axes_before(state: FloatArray, age: float) -> Matrix:
     """
     v = get(state, VELOCITY)
     turn = turn_of(state, (-age * v[0], -age * v[1], 0.0))
+    # What is fixed to the Earth turns against the frame: c − θ × c.
     x, y = state[AXIS] - turn[1] * state[AXIS + 2], state[AXIS + 1] + turn[0] * state[AXIS + 2]
     cosine = max(math.sqrt(x * x + y * y), _AT_POLE)
     x, y = x / cosine, y / cosine
@@ -236,6 +241,7 @@ def store_state(out: Solution, k: int, state: FloatArray) -> None:
     C_ew = matrix(quaternion(state, Q_EW))
     x, y, cosine = north(state)
     out.position[k, 0] = math.atan2(state[SINE], cosine)
+    # The third column of C_ew is down, so up has the opposite signs.
     out.position[k, 1] = math.atan2(-C_ew[1][2], -C_ew[0][2])
     out.position[k, 2] = state[HEIGHT]
     v_x, v_y, v_z = get(state, VELOCITY)
@@ -367,6 +373,7 @@ def to_north(state: FloatArray, T: FloatArray) -> None:
     v_n, v_e = x * v_x + y * v_y, x * v_y - y * v_x
     for j in range(9):
         for row in range(0, 9, 3):
+            # The position is among these rows: δθ below is made of its components north and east.
             a, b = T[row, j], T[row + 1, j]
             T[row, j], T[row + 1, j] = x * a + y * b, x * b - y * a
         turn_n, turn_e, turn_d = t * T[1, j], -m * T[0, j], -tangent * t * T[1, j]

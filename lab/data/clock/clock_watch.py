@@ -319,6 +319,7 @@ class ClockWatch:
         if self._looked >= LIMITS.looked:
             self._looked, self._common = 0, common_step(np.array(self._steps))
             self.usual = self.usual if math.isnan(self._common) else self._common
+        # A comparison with NaN is False: without a usual interval there is no gap.
         gap = steps > LIMITS.missing * self.usual
         ordinary = steps[~gap & (steps > 0)]
         if ordinary.size:
@@ -349,6 +350,7 @@ def common_step(steps: FloatArray) -> float:
     """
     if steps.size < LIMITS.steps / 2:
         return math.nan
+    # A tenth of the steps must be single ones: this quantile is one of them, and no outlier.
     least = float(np.quantile(steps, LIMITS.single / 2))
     step = float(np.median(steps[np.abs(steps - least) < LIMITS.like * least]))
     parts = steps / step
@@ -381,6 +383,7 @@ def sent_again(values: FloatArray, before: FloatArray) -> NDArray[np.bool_]:
 def _event(size: float, time: float, arrival: float) -> ClockEvent:
     """Return the event of a clock that was set by a size and shows a time since [s]."""
     for turn, words in _TURNS.items():
+        # A counter that turns over goes back, so its size is minus a turn.
         if abs(size + turn) < LIMITS.step:
             text = f"The device's clock turned over: it went back by {turn:.3f} s, as counters of {words} do."
             return ClockEvent(arrival, size, text)

@@ -79,7 +79,9 @@ def _distribute_stamps(stamps: FloatArray, counts: IntArray) -> tuple[FloatArray
         end = stamps
         before = np.append(counts[0] * step, interval)
         begin = end - np.where(before < LIMITS.missing * long, before, counts * step)
+    # The number of each sample among those of its stamp.
     place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    # Samples of a truncated stamp lie in the middle of their parts; the last of a batch ends with it.
     part = (place + (0.5 if truncated else 1.0)) / np.repeat(counts, counts)
     return np.repeat(begin, counts) + part * np.repeat(end - begin, counts), usual, truncated
 

@@ -159,6 +159,7 @@ class DeviceClock:
         """Begin the mapping with these samples: the last of them has no delay."""
         self.steps += 1
         last = float(device[-1])
+        # Before the last of them by their own distances, at the pace that is known so far.
         times = arrival + (1 + self._slope) * (device - last)
         self._device, self._host, self._begun = last, arrival, arrival
         self._pace = 1 + self._slope
@@ -182,6 +183,7 @@ class DeviceClock:
         elif least > 0:  # a network that is slow is no drift
             slew = 0.0
         self._pace = 1 + self._slope + slew
+        # The slope is the host's time for the device's; the drift is the other way round.
         self.drift = 1 / (1 + self._slope) - 1
         self._judge(least, band)
         self._least, self._look_ends = math.inf, arrival + LIMITS.look

@@ -16,6 +16,7 @@ def increasing(time: FloatArray, after: float = -np.inf) -> Flags:
     """Return which times (n,) are later than all before, and than `after` [s]; unknown ones are not."""
     if time.size == 1:
         return np.asarray(time > after)
+    # `fmax` passes over NaN, so an unknown time does not hide those before it.
     return np.asarray(time > np.fmax.accumulate(np.append(after, time))[:-1])
 
 
@@ -180,6 +181,7 @@ def set_backs(time: FloatArray) -> list[tuple[int, float]]:
     found = []
     for row in rows.tolist():
         again = row + int(np.argmax(np.append(time[row:], np.inf) > time[row - 1]))
+        # A clock that was not set would have stepped by the usual interval.
         size = usual - float(steps[row - 1])
         if again >= time.size or (steps[row:again] < 0).any():
             return []

@@ -179,7 +179,9 @@ def over_leap_second(time: FloatArray, of_day: bool) -> tuple[FloatArray, bool]:
     step = np.diff(time[known])
     usual = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
     after = time[known[1:]]
+    # Unix time counts the leap second twice: there the step is a second less than usual.
     back = np.abs(step - (usual - 1)) < _LEAP_TOLERANCE
+    # It is at midnight: a second before at the earliest, a usual step after at the latest.
     back &= (after + 1 + _LEAP_TOLERANCE) % DAY < 1 + 2 * _LEAP_TOLERANCE + usual
     if not of_day:
         first = np.rint(after[back] / DAY).astype("datetime64[D]")
@@ -233,6 +235,7 @@ def _seconds(
 ) -> float:
     if int(minutes) >= _SIXTY or int(seconds or 0) > _SIXTY:
         return np.nan
+    # 12 AM is midnight, and 12 PM noon.
     whole = int(hours) % 12 + 12 * (half in "Pp") if half else int(hours)
     return whole * _HOUR + int(minutes) * _SIXTY + int(seconds or 0) + float(f"0.{fraction or 0}")
 

@@ -134,6 +134,7 @@ class _Legs(NamedTuple):
             [np.interp(at[1], self.time, axis) - np.interp(at[0], self.time, axis) for axis in self.angle.T]
             + [self.end - self.start]  # the bias
         )
+        # Linear in weights and bias: only offset and rate need a search.
         weights, *_ = np.linalg.lstsq(sensed, self.turn, rcond=None)
         return np.asarray(self.turn - sensed @ weights)
 

@@ -77,6 +77,7 @@ class Bno085(Framing):
 
 def _quaternion(yaw: float, pitch: float, roll: float) -> tuple[float, ...]:
     """Return the quaternion, scalar first, of halves of three angles [rad]."""
+    # q_z ⊗ q_x ⊗ q_y, written out: yaw, then pitch about x, then roll about y.
     cz, sz, cx, sx = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(roll), math.sin(roll)
     return (
@@ -91,6 +92,7 @@ def _rate_between(before: tuple[float, ...], after: tuple[float, ...], seconds: 
     """Return the angular rate that turns one attitude into another [rad/s]."""
     a, b, c, d = before
     w, x, y, z = after
+    # conj(before) ⊗ after: the turn, resolved in the axes of the device.
     scalar = a * w + b * x + c * y + d * z
     turn = (
         a * x - b * w - c * z + d * y,

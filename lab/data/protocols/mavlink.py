@@ -359,11 +359,13 @@ def frame_size(head: bytes | bytearray) -> int:
 
 
 def _number(frame: bytes | bytearray) -> int:
+    # The number of a message has three bytes in version 2, and one in version 1.
     return int.from_bytes(frame[7:10], "little") if frame[0] == _MAGICS[0] else frame[5]
 
 
 def _field_places(message: Any) -> list[tuple[str, int, float, tuple[int, ...]]]:
     """Return name, place, unit (0 for text) and numbers for what is unknown, of the fields of a message."""
+    # The order on the wire is that of the fields' sizes; an array of n numbers takes n places.
     names: list[str] = []
     for name, count in zip(message.ordered_fieldnames, message.lengths, strict=True):
         names += [name] if count == 1 else [f"{name}{index}" for index in range(count)]

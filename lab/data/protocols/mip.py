@@ -106,6 +106,7 @@ class Mip(Framing):
         force = [one * STANDARD_GRAVITY for one in force]
         magnetic = [one * GAUSS for one in fields.get(MAGNETIC, UNKNOWN)]
         pressure = fields.get(PRESSURE, UNKNOWN)[0] * MILLIBAR
+        # Lowest, highest and mean temperature of the period.
         temperature = fields.get(TEMPERATURE, UNKNOWN)[2]
         rows.add_imu(end, time, -1, rate, force, magnetic, temperature, pressure)
         return True
@@ -117,6 +118,7 @@ def _fields(frame: bytes) -> Fields | None:
     fields = {}
     while at < last:
         size, form = frame[at], forms.get(frame[at + 1], "")
+        # The size counts itself and the kind.
         if size < 2 or at + size > last:
             return None
         if form and struct.calcsize(form) == size - 2:
@@ -128,6 +130,7 @@ def _fields(frame: bytes) -> Fields | None:
 def _read_fix(fields: Fields, end: int, rows: Rows) -> bool:
     if PLACE not in fields:
         return False
+    # Heights above the ellipsoid and above the sea. Flags: 0 place, 1 height, 3 and 4 the accuracies.
     latitude, longitude, height, _, level, vertical, flags = fields[PLACE]
     valid, satellites = int(flags), -1
     fix_type = FIX_3D if valid & 1 else NO_FIX

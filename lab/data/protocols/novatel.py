@@ -152,6 +152,8 @@ class NovAtel(Framing):
         if len(head) < _KNOWN:
             return MORE
         long = head.startswith(_LONG)
+        # A long header has its own length in byte 3, and the message's in bytes 8 and 9; a short one has the
+        # message's in byte 3.
         size = head[3] + (head[8] | head[9] << 8) + _CHECK if long else _SHORT_HEAD + head[3] + _CHECK
         return NONE if size > self.longest or (long and head[3] < _LONG_HEAD) else size
 
@@ -189,6 +191,7 @@ class NovAtel(Framing):
             return
         time, values, end = self._place
         solved, kind, latitude, longitude, height, undulation, _, north, east, up, _, _, _, _, used = values
+        # A height above the sea and the undulation make one above the ellipsoid.
         place = math.radians(latitude), math.radians(longitude), height + undulation
         velocity = self._velocity[1] if self._velocity[0] == time else UNKNOWN
         sigma = math.sqrt((north * north + east * east) / 2), up, NAN
@@ -218,6 +221,7 @@ class NovAtel(Framing):
             return True
         if not interval > _GAP * self._interval:  # also for the first one
             self._interval = interval
+        # Forces before rates, each as z, −y, x.
         z, y, x = counts[:3]
         if self._scale is None and self._rates is None:
             self._look(math.hypot(x, y, z) / self._interval)
@@ -240,12 +244,14 @@ class NovAtel(Framing):
 
 def _crc(data: bytes) -> int:
     """Return the CRC of polynomial 0x04C11DB7, reflected, started with 0 and not inverted."""
+    # zlib inverts before and after: both are undone.
     return zlib.crc32(data, 0xFFFF_FFFF) ^ 0xFFFF_FFFF
 
 
 def _binary(frame: bytes) -> tuple[str, float, list[float]]:
     """Return name, time of GPS [s] and values of a binary message; none of one that is not read."""
     long = frame.startswith(_LONG)
+    # The number is at 4; the week at 14 of a long header, and at 6 of a short one.
     number, week, milliseconds = struct.unpack_from("<H8xHI" if long else "<HHI", frame, 4)
     name = _NUMBERS.get(number, "")
     begin = frame[3] if long else _SHORT_HEAD
@@ -265,6 +271,7 @@ def _line(frame: bytes) -> tuple[str, float, list[float]]:
     count = _MESSAGES[name].cells if name else math.inf
     if len(cells) < count or len(head) < 2:
         return "", NAN, []
+    # Port, sequence, idle time and the state of the clock stand before the week of a long header.
     place = _LONG_CELLS - 1 if frame[:1] == b"#" and len(head) > _LONG_CELLS else 0
     time = _time(_number(head[place]), _number(head[place + 1]))
     return name, time, [_number(cell) for cell in cells[: int(count)]]
@@ -310,6 +317,7 @@ class NovAtelEncoder(FrameEncoder):
         kind = next((number for number, one in _KINDS.items() if one == fix.kind), 16)
         state, kind = (0, int(kind)) if fix.kind > NO_FIX else (1, 0)
         week, seconds = divmod(max(known_fields(row, "time")[0], 0.0), WEEK)
+        # 61 is the datum WGS 84.
         place = (fix.latitude, fix.longitude, fix.height, 0.0, 61)
         sigma = (fix.horizontal_sigma, fix.horizontal_sigma, fix.vertical_sigma)
         bodies = {
@@ -323,6 +331,7 @@ class NovAtelEncoder(FrameEncoder):
         frames, stamp = b"", (int(week), round(1e3 * seconds))
         for number, body in bodies.items():
             size = len(body)
+            # From the port COM1 (32), with a clock that is steered (180).
             head = _LONG_HEADER.pack(_LONG, _LONG_HEAD, number, 0, 32, size, 0, 0, 180, *stamp, 0, 0, 0)
             frames += _append_crc(head + body)
         return frames

@@ -84,6 +84,7 @@ class Sbf(Framing):
 
     def passes(self, frame: bytes) -> bool:
         """Return whether the CRC is the one said."""
+        # From the number of the block on: the sync bytes and the CRC itself stand before.
         return crc16_xmodem(frame[_STEP:]) == frame[2] | frame[3] << 8
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
@@ -97,10 +98,12 @@ class Sbf(Framing):
         if number == _CARTESIAN and self._is_geodetic:
             return True
         stamp, week, mode, error, *numbers = _PVT.unpack_from(frame, _HEAD)
+        # Number 3 is the undulation, 7 the course; of the four bytes behind the clock, 12 counts satellites.
         place, velocity = (
             [_known_value(one) for one in numbers[:3]],
             [_known_value(one) for one in numbers[4:7]],
         )
+        # The block has up; a Cartesian velocity is resolved in n below.
         velocity_n: Vector = (velocity[0], velocity[1], -velocity[2])
         if number == _CARTESIAN and all(map(math.isfinite, place)):
             place = ecef.geodetic(np.array([place]))[0].tolist()
@@ -112,6 +115,7 @@ class Sbf(Framing):
         sigma: Vector = UNKNOWN
         if len(frame) >= _HEAD + _PVT.size + _QUALITY.size:
             *_, h_accuracy, v_accuracy, _ = _QUALITY.unpack_from(frame, _HEAD + _PVT.size)
+            # The rms of a horizontal distance is √2 σ of each axis.
             sigma = _accuracy(h_accuracy) / math.sqrt(2), _accuracy(v_accuracy), NAN
         kind = FIX_2D if kind != NO_FIX and mode & _IS_2D else kind
         rows.add_fix(end, time, week_time, NAN, place, velocity_n, sigma, satellites, kind)
@@ -129,6 +133,7 @@ def _read_sensors(frame: bytes, end: int, rows: Rows) -> bool:
     stamp, week, count, size = _SETS.unpack_from(frame, _HEAD)
     found: dict[int, Vector] = {}
     temperature = NAN
+    # A size of zero, which cannot be a step, ends the loop at its first set.
     for at in range(_HEAD + _SETS.size, _HEAD + _SETS.size + count * size, size or 1):
         if size < _SET.size or at + size > len(frame):
             break
@@ -180,5 +185,6 @@ class SbfEncoder(FrameEncoder):
         )
         body += _QUALITY.pack(0, 0, 0, 0, horizontal, vertical, 0)
         size = -(-(_HEAD + len(body)) // _STEP) * _STEP
+        # The three bits above the number are the revision.
         rest = struct.pack("<2H", _GEODETIC | 2 << 13, size) + body.ljust(size - _HEAD, b"\0")
         return SYNC + crc16_xmodem(rest).to_bytes(2, "little") + rest

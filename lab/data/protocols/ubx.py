@@ -150,11 +150,13 @@ class Ubx(Framing):
             return MORE if SYNC.startswith(head) else NONE
         if len(head) < _HEADER:
             return MORE
+        # The length of the payload follows class and number, low byte first.
         size = _HEADER + (head[4] | head[5] << 8) + _CHECK
         return size if size <= self.longest else NONE
 
     def passes(self, frame: bytes) -> bool:
         """Return whether the sums are those said."""
+        # The sums begin behind the two sync bytes.
         passes = passes_fletcher16(frame[2:-_CHECK], frame[-_CHECK:])
         if not passes and (frame[2:4] == NAV_PVT or frame[2:4] in _MESSAGES):
             self.broken += 1
@@ -174,6 +176,7 @@ class Ubx(Framing):
             if is_whole and not self._has_pvt:
                 self._take(name, dict(zip(fields, form.unpack(payload), strict=True)), end, rows)
             return is_whole
+        # Four reserved bytes, then pairs of a word of data and its tag.
         if kind == ESF_RAW and len(payload) % 8 == 4 and self._imu != "meas":
             self._imu = "raw"
             return self._add_raw(payload, end, rows)
@@ -226,6 +229,7 @@ class Ubx(Framing):
                 found |= self._add_tagged(before, values, end, rows)
                 values = {}
             before = tag
+            # The upper byte is the type of the datum, the other three its value.
             values[data >> 24] = data & 0xFFFFFF
         return (before is not None and self._add_tagged(before, values, end, rows)) or found
 
@@ -238,6 +242,7 @@ class Ubx(Framing):
         tag, flags, _ = _MEAS.unpack_from(payload)
         count = min(flags >> COUNT_FROM, (len(payload) - _MEAS.size) // _WORD.size)
         words = [_WORD.unpack_from(payload, _MEAS.size + _WORD.size * number)[0] for number in range(count)]
+        # Six bits of type here; the two bits above them say something else.
         values = {word >> 24 & 0x3F: word & 0xFFFFFF for word in words}
         time = self._times.continued(tag) * MEAS_TICK
         if SPEED in values:  # beside ESF-RAW, the clock of the tags is another one

@@ -152,6 +152,7 @@ class VectorNavBinary(Framing):
         groups = data[begin + 1]
         if not groups or groups >> len(_SIZES):
             return NONE
+        # A word of 16 bits for each group says which of its fields follow.
         first = _HEADER + 2 * groups.bit_count()
         if len(data) - begin < first:
             return MORE
@@ -195,6 +196,7 @@ class VectorNavBinary(Framing):
 
     def _read_sample(self, frame: bytes, at: Mapping[Field, int], end: int, time: float, rows: Rows) -> None:
         if _BOTH in at:
+            # This field has the force before the rate.
             values = _find_field(frame, at, (_BOTH,), "<6f", ())
             force, rate = values[:3], values[3:]
         else:
@@ -203,6 +205,7 @@ class VectorNavBinary(Framing):
         if rate is UNKNOWN and force is UNKNOWN:
             rate, force = _divide_by_time(frame, at)
         x, y, z = _find_field(frame, at, (_MAGNETIC, *_MAGNETICS), "<3f", UNKNOWN)
+        # The magnetic field of the common group has temperature and pressure behind it.
         beside = _find_field(frame, at, _MAGNETICS[:1], "<12x2f", (NAN, NAN))
         (temperature,) = _find_field(frame, at, (_TEMPERATURE,), "<f", beside[:1])
         (pressure,) = _find_field(frame, at, (_PRESSURE,), "<f", beside[1:])
@@ -321,6 +324,7 @@ class VectorNavAscii(Framing):
             rate = [math.radians(cell / cells[0]) for cell in cells[1:4]]
             rows.add_imu(end, rate=rate, force=[cell / cells[0] for cell in cells[4:7]])
         else:
+            # Nine cells: field, force and rate; an attitude stands before, temperature and pressure behind.
             at = _CELLS[kind] - 9 if kind != "IMU" else 0
             magnetic = [cell * GAUSS for cell in cells[at : at + 3]]
             force, rate = cells[at + 3 : at + 6], cells[at + 6 : at + 9]

@@ -110,6 +110,7 @@ class WitMotion(Framing):
             self._add(end, UNKNOWN, force, temperature, rows)
 
     def _add(self, end: int, rate: Vector, force: Vector, temperature: float, rows: Rows) -> None:
+        # Of a device that sends both, a sample with one of them has lost a message.
         if not self._has_both or (rate is not UNKNOWN and force is not UNKNOWN):
             rows.add_imu(end, self._time, -1, rate, force, UNKNOWN, temperature, self._pressure)
         self._force, self._time, self._pressure = None, NAN, NAN

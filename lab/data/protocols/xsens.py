@@ -99,6 +99,7 @@ class Xsens(Framing):
 
     def passes(self, frame: bytes) -> bool:
         """Return whether all bytes but the preamble sum to zero, and the items fill the message."""
+        # All bytes behind the preamble sum to zero, so with it they sum to the preamble.
         return sum8(frame) == START[0] and _items(frame) is not None
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
@@ -213,7 +214,9 @@ class XsensEncoder(HeadingEncoder):
         if math.isfinite(row["pressure"]):
             items.append((PRESSURE, round(float(row["pressure"])).to_bytes(4, "big")))
         clipped = int(row["clipped"])
+        # `7 << 6` is a mask: Python shifts before it masks. Forces first, as in the status word.
         bits = clipped >> 3 & 7 | (clipped & 7) << 3 | clipped & 7 << 6
+        # Bit 19: some axis is clipped; bits 0 and 1: the self-test passed, the filter is valid.
         items.append((STATUS_WORD, (bits << 8 | bool(bits) << 19 | 3).to_bytes(4, "big")))
         return _message(items)
 

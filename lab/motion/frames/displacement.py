@@ -38,6 +38,7 @@ def longer_above(latitude: FloatArray, height: FloatArray) -> tuple[FloatArray, 
     height : (n,) array
         Height above the ellipsoid [m].
     """
+    # The cosine of the latitude shortens a parallel at any height, so it is in neither factor.
     meridian, transverse = radii(np.sin(latitude))
     return 1 + height / meridian, 1 + height / transverse
 
@@ -54,6 +55,7 @@ def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
     north, east = metres_per_radian(latitude, height)
     displacement_n = np.empty(here.shape, order="F")
     displacement_n[:, 0] = (there[:, 0] - latitude) * north
+    # The way across the date line is the short one.
     displacement_n[:, 1] = wrap(there[:, 1] - longitude) * east
     displacement_n[:, 2] = height - there[:, 2]
     near = ecef.near_pole(latitude)

@@ -87,5 +87,6 @@ def gravity_gradient(sin_latitude: Value, cos_latitude: Value, height: Value) ->
     slope = 1 + FLATTENING * (1 - 2 * s2) + CENTRIFUGAL_RATIO
     decrease = 1 - 2 * ratio * slope + 3 * ratio * ratio
     surface_by_latitude = surface * sc * (2 * SOMIGLIANA / somigliana + ECCENTRICITY_SQUARED / curve)
+    # The second term: d(1 − 2 s²)/dL = −4 s c, with the −2 h / a before it.
     by_latitude = surface_by_latitude * decrease + surface * 8 * ratio * FLATTENING * sc
     return by_latitude, surface * (6 * ratio - 2 * slope) / SEMI_MAJOR_AXIS

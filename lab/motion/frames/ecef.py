@@ -46,6 +46,7 @@ def geodetic(r_e: FloatArray) -> FloatArray:
     a, squared = SEMI_MAJOR_AXIS, ECCENTRICITY_SQUARED
     b = a * (1 - FLATTENING)
     out = np.hypot(x, y)
+    # Bowring's start: exact on the ellipsoid, where tan β = (a / b) z / √(x² + y²).
     parametric = np.arctan2(z * a, out * b)
     for _ in range(3):
         s, c = np.sin(parametric), np.cos(parametric)
@@ -103,12 +104,14 @@ def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
     """
     apart = position(there) - position(here)
     displacement_n = np.einsum("nji,nj->ni", axes(here[:, 0], here[:, 1]), apart)
+    # Down by the heights: the ellipsoid falls away below the plane of the first place.
     displacement_n[:, 2] = here[:, 2] - there[:, 2]
     return np.asarray(displacement_n)
 
 
 def displaced(here: FloatArray, displacement_n: FloatArray) -> FloatArray:
     """Return the position (n, 3) after a displacement in north, east, down [m]; see `displacement`."""
+    # The plane leaves the ellipsoid, so the height is set by itself below.
     level = displacement_n * (1.0, 1.0, 0.0)
     r_e = position(here) + np.einsum("nij,nj->ni", axes(here[:, 0], here[:, 1]), level)
     there = geodetic(r_e)

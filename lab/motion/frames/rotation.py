@@ -195,6 +195,7 @@ def euler_jacobian(euler: ArrayLike) -> FloatArray:
     pitch, yaw = euler[..., 1], euler[..., 2]
     sy, cy, cp, tp = np.sin(yaw), np.cos(yaw), np.cos(pitch), np.tan(pitch)
     jacobian = np.zeros((*euler.shape, 3))
+    # Minus the map from ω in n to rates of Euler angles: (I − [φ×]) C is C turned by −φ.
     jacobian[..., 0, 0] = -cy / cp
     jacobian[..., 0, 1] = -sy / cp
     jacobian[..., 1, 0] = sy

@@ -44,6 +44,7 @@ def anchored_offsets(
     fixes = np.stack((latitude, np.unwrap(longitude), height), axis=-1)
     per_latitude, per_longitude = metres_per_radian(latitude, height)
     to_rate = np.stack((1 / per_latitude, 1 / per_longitude, np.full_like(time, -1.0)), axis=-1)
+    # Latitude, longitude and height change by the velocity over these; height against down.
     flown = cubic_spline(time, velocity_n * to_rate).antiderivative()
     correction = slow_spline(time, fixes - fixes[0] - flown(time))
     return np.asarray(flown(grid) + correction(grid))
@@ -82,6 +83,7 @@ def slow_spline(time: FloatArray, values: FloatArray) -> Callable[[FloatArray], 
     values : (n, 3) array
         Values that the spline approximates.
     """
+    # A least-squares spline needs samples between its knots: three of them at least.
     pieces = int(np.clip(time[-1] / ANCHOR_SPACING, 1, (len(time) - 1) // 3))
     inner = time[np.linspace(0, len(time) - 1, pieces + 1).astype(int)[1:-1]]
     knots = np.concatenate((np.full(4, time[0]), inner, np.full(4, time[-1])))

@@ -123,4 +123,5 @@ def attitude_curve(time: FloatArray, euler: FloatArray, kind: AttitudeKind) -> R
         return RotationCurve(
             time, Rotation.from_quat(rotation.quaternion_from_euler(euler), scalar_first=True)
         )
+    # A spline through angles that jump by a turn would swing between them.
     return EulerCurve(time, np.unwrap(euler, axis=0))

@@ -48,6 +48,7 @@ class PiecewisePolynomial:
         for place, derivative in enumerate(which):
             value = out[place * c : (place + 1) * c]
             np.multiply(coefficients[0], perm(count - 1, derivative), out=value)
+            # Horner's scheme, with the factors that differentiating the powers leaves.
             for k in range(1, count - derivative):
                 value *= dt
                 value += coefficients[k] * perm(count - 1 - k, derivative)
@@ -77,6 +78,7 @@ def cubic_spline(times: FloatArray, values: FloatArray) -> PiecewisePolynomial:
     dt = np.diff(times)
     step = dt[:, None]
     slope = np.diff(values, axis=0) / step
+    # The unknowns are the slopes at the knots; the first and the last row join the two outer pieces.
     diagonal = np.concatenate((dt[1:2], 2 * (dt[:-1] + dt[1:]), dt[-2:-1]))
     begin, end = times[2] - times[0], times[-1] - times[-3]
     upper, lower = np.append(begin, dt[:-1]), np.append(dt[1:], end)
@@ -85,6 +87,7 @@ def cubic_spline(times: FloatArray, values: FloatArray) -> PiecewisePolynomial:
     right[0] = ((dt[0] + 2 * begin) * dt[1] * slope[0] + dt[0] ** 2 * slope[1]) / begin
     right[-1] = (dt[-1] ** 2 * slope[-2] + (2 * end + dt[-1]) * dt[-2] * slope[-1]) / end
     *_, rates, _ = dgtsv(lower, diagonal, upper, right)
+    # Hermite's cubic: from values and slopes at both ends of a piece.
     bend = (rates[:-1] + rates[1:] - 2 * slope) / step
     coefficients = bend / step, (slope - rates[:-1]) / step - bend, rates[:-1], values[:-1]
     return PiecewisePolynomial(times, np.stack([one.T for one in coefficients]))

@@ -132,10 +132,12 @@ def inputs(
     """
     s, c = np.sin(position[:, 0]), np.cos(position[:, 0])
     omega_ie_n = earth.RATE * np.stack((c, np.zeros_like(c), -s), axis=-1)
+    # By the rates of longitude and latitude themselves: no radius is needed.
     omega_en_n = np.stack((rate[:, 1] * c, -rate[:, 0], -rate[:, 1] * s), axis=-1)
     f_n = acceleration(position, rate, second) + np.cross(
         2 * omega_ie_n + omega_en_n, velocity(position, rate)
     )
+    # Gravity points down; specific force is what is left of the acceleration without it.
     f_n[:, 2] -= earth.gravity(s, position[:, 2])
     return omega_nb_b + attitude.apply(omega_ie_n + omega_en_n, inverse=True), attitude.apply(
         f_n, inverse=True
@@ -177,6 +179,7 @@ def integrate(
     for first in range(0, samples, at_once):
         part = slice(first, min(first + at_once, samples))
         knots = np.arange(part.start * merge, part.stop * merge)
+        # Three times inside each interval between knots: a quadrature over a knot would lose its order.
         omega_ib_b, f_b = rates(((knots[:, None] + GAUSS_NODES) * step).ravel())
         for values, out in ((omega_ib_b, dtheta), (f_b, dvelocity)):
             increments = step * np.einsum("kgi,g->ki", values.reshape(-1, 3, 3), GAUSS_WEIGHTS)

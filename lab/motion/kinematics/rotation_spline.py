@@ -66,6 +66,7 @@ class RotationSpline:
         change = linear + dt * (2 * square + dt * 3 * cubic)
         first, second, _ = _series(turn)
         across = _cross(turn, change)
+        # ω = J φ̇ with the right Jacobian J = I − first [φ×] + second [φ×]²: the rate is in b.
         return np.ascontiguousarray((change - first * across + second * _cross(turn, across)).T)
 
     def _interval(self, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
@@ -77,10 +78,12 @@ class RotationSpline:
 def _rates(turn: FloatArray, dt: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ω at the start of each interval, and the derivative of the rotation vector at its end (3, n)."""
     rate = turn / dt
+    # At both ends the rate is that of a constant rotation over the outer piece.
     first_rate = rate[:, :1].copy()
     if dt.size == 1:
         return rate, rate
     first, second, inverse = _series(turn)
+    # The inverse of the right Jacobian, from rates to derivatives of the rotation vector; and itself.
     to_turn, to_rate = _matrices(turn, 0.5, inverse), _matrices(turn, -first, second)
     size = 3 * (dt.size - 1)
     # LAPACK's band storage: element (i, j) stands in row 2 BAND + i - j of column j.
@@ -151,6 +154,7 @@ def _matrices(turn: FloatArray, first: FloatArray | float, second: FloatArray) -
 
 def _rotation_vector(q: FloatArray) -> FloatArray:
     """Return the shortest rotation vectors (3, n) [rad] of quaternions (4, n)."""
+    # q and −q are one rotation: with a scalar part above zero, the shorter way.
     vector = np.where(q[0] < 0, -q[1:], q[1:])
     length = np.sqrt(_dot(vector, vector))
     angle = 2 * np.arctan2(length, np.abs(q[0]))

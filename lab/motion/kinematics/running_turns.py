@@ -24,6 +24,7 @@ def running_attitudes(dtheta: FloatArray) -> Rotation:
 def quaternions(rotation: FloatArray) -> Quaternions:
     """Return the quaternions (2, k) of rotation vectors (k, 3) [rad]."""
     half = 0.5 * np.sqrt((rotation * rotation).sum(axis=1))
+    # NumPy's sinc(x) is sin(π x) / (π x): here sin(|φ|/2) / (|φ|/2), also at zero.
     x, y, z = rotation.T * (0.5 * np.sinc(half / np.pi))
     made = np.empty((2, half.size), complex)
     made.real = np.cos(half), y
@@ -36,6 +37,7 @@ def running_products(increments: Quaternions) -> Quaternions:
     total = np.concatenate(([[1.0], [0.0]], increments), axis=1)
     reach = 1
     while reach < total.shape[1]:  # each pass doubles how many increments are in each product
+        # The right side is computed as a whole before it is written.
         total[:, reach:] = product(total[:, :-reach], total[:, reach:])
         reach *= 2
     return total
@@ -45,6 +47,7 @@ def product(one: Quaternions, other: Quaternions) -> Quaternions:
     """Return the products of quaternions (2, k): those of `Rotation` take thirty times as long."""
     (a, b), (c, d) = one, other
     made = np.empty_like(other)
+    # (a + b j)(c + d j) with j c = c̄ j for complex numbers of i.
     made[0] = a * c - b * d.conj()
     made[1] = a * d + b * c.conj()
     return made

@@ -131,6 +131,7 @@ class PolarPath(_Path):
         """Return position, velocity and attitude at the times; see `trajectory.FlightPath`."""
         position = ecef.geodetic(self._position(times) + self._origin)
         C_en = ecef.axes(position[:, 0], position[:, 1])
+        # Transposed: from e to n.
         velocity_n = np.einsum("nji,nj->ni", C_en, self._position(times, 1))
         C_nb = Rotation.from_matrix(C_en).inv() * self._attitude.attitude(times)
         return *position.T, velocity_n, C_nb.as_quat(scalar_first=True)

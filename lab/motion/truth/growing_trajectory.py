@@ -127,6 +127,7 @@ class GrowingTrajectory:
         number = np.arange(self._knots, highest + 1)
         grid = np.clip(number / self._rate, time[at], time[end])
         offsets = self._flown + integral(grid) - integral(time[at])
+        # In which of the block's intervals each knot lies; the correction is a new one after each frame.
         inside = np.searchsorted(time[at + 1 : end], grid, side="right")
         for k in range(BLOCK):
             away = position[at + k] - self._origin - flown[k]
@@ -167,6 +168,7 @@ def _correction_after(state: FloatArray, wanted: FloatArray, after: FloatArray) 
     """Return the correction and its rate (2, n, 3), times after it had a state (2, 3), for a wanted value."""
     t = after[:, None]
     error = state[0] - wanted
+    # Critical damping: e(t) = (e₀ + (ė₀ + ω e₀) t) exp(−ω t).
     slope = state[1] + FOLLOWS * error
     decay = np.exp(-FOLLOWS * t)
     return np.stack((wanted + (error + slope * t) * decay, (state[1] - FOLLOWS * slope * t) * decay))

@@ -88,6 +88,7 @@ class GrowingTruth:
             rows = self._rows[self._first : self._end]
             if not len(time) or not len(rows):
                 return interpolate_motion(time, np.zeros(1), np.full((1, _COLUMNS), np.nan))
+            # One row more on each side, between which the outermost times are interpolated.
             first = max(int(np.searchsorted(rows[:, 0], np.min(time))) - 1, 0)
             last = int(np.searchsorted(rows[:, 0], np.max(time), "right")) + 1
             known, motion = rows[first:last, 0].copy(), rows[first:last, 1:].copy()

@@ -283,6 +283,7 @@ class Trajectory:
     def _check_times(self, times: ArrayLike) -> FloatArray:
         """Return the times as an array, refusing any outside the flight."""
         times = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        # Times on a grid are rounded: the last one may be past the end by that.
         slack = 1e-9 * max(self.duration, 1.0)
         outside = ~((times >= -slack) & (times <= self.duration + slack))
         if outside.any():

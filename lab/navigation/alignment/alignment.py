@@ -166,6 +166,7 @@ def align(
     force = _mean_force(imu, length) if rest else _force_at_start(imu)
     g = float(earth.gravity(np.sin(position[0]), position[2]))
     acceleration, spread = (np.zeros(3), 0.0) if rest else _acceleration(imu, fixes, velocity_sigma, length)
+    # Specific force is acceleration without gravity, which points down.
     force_n = acceleration - (0, 0, g)
     bias, bias_sigma = (
         (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight_gyro_bias(imu, fixes, velocity_sigma)
@@ -287,6 +288,8 @@ def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float
     ahead, right, down = c * force_n[0] + s * force_n[1], c * force_n[1] - s * force_n[0], force_n[2]
     across = float(np.hypot(force[1], force[2]))
     # Without a force across the forward axis, as of a device that stands on its nose, any roll will do.
+    # f_y cos φ − f_z sin φ = right is a cosine of φ + atan2(f_z, f_y); the other sign of its angle turns the
+    # vehicle upside down.
     roll = -np.arccos(np.clip(right / across, -1, 1)) - np.arctan2(force[2], force[1]) if across else 0.0
     below = force[1] * np.sin(roll) + force[2] * np.cos(roll)
     # The pitch is the angle between the force forward and down in b and that in n.
@@ -347,6 +350,7 @@ def _straight_gyro_bias(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> t
     if fast.sum() >= 2:
         course = np.unwrap(np.arctan2(fixes.velocity_n[fast, 1], fixes.velocity_n[fast, 0]))
         turn = np.diff(np.interp(ends, fixes.time[fast], course)) / _SECOND
+        # How many fast fixes fall into each second, as a fraction for receivers at 1 Hz.
         known = np.diff(np.interp(ends, fixes.time, np.cumsum(fast))) > limits.ALIGNMENT.fast_part
         straight = known & (np.abs(turn) < limits.ALIGNMENT.straight_rate)
         if straight.sum() >= limits.ALIGNMENT.straight_seconds:
@@ -384,22 +388,26 @@ def _along_course(
         return np.zeros(3), np.abs(mean)
     # The errors of neighbouring fixes depend on each other: one in a second counts.
     noise = scatter / np.sqrt(float(since @ since) * min(1.0, np.ptp(time) / time.size))
+    # The mean rate of the course: what it turned more than the gyros, plus what they saw.
     hidden = limits.ALIGNMENT.hidden_turn * abs(slope + float(np.polyfit(since, turning, 1)[0]))
     down = _vertical_in_body(imu)
     level = mean - down * float(mean @ down)
     sigma = float(np.linalg.norm((noise, hidden, limits.ALIGNMENT.straight_bias_sigma)))
+    # Gyros that read too much turn further than the course: the difference falls by the bias.
     return -slope * down, np.hypot(np.abs(level), np.abs(down) * sigma)
 
 
 def _vertical_in_body(imu: Imu) -> FloatArray:
     """Return the vertical (3,) in b of a nearly level IMU."""
     force = _mean_force(imu, limits.ALIGNMENT.levelling_time)
+    # At rest, the specific force points up.
     return np.asarray(-force / np.linalg.norm(force))
 
 
 def _force_at_start(imu: Imu) -> FloatArray:
     """Return the mean specific force (3,) over `levelling_time`, in b of the first sample [m/s²]."""
     last = max(1, int(np.searchsorted(imu.time, imu.time[0] + limits.ALIGNMENT.levelling_time, "right")) - 1)
+    # The increment of a sample is resolved by the attitude at its begin, so the last one is not needed.
     C = running_attitudes(imu.dtheta[:last])[:-1].as_matrix()
     return np.asarray(np.einsum("kij,kj->i", C, imu.dvelocity[:last]) / (imu.time[last] - imu.time[0]))
 
@@ -433,6 +441,7 @@ def _acceleration(
         return np.zeros(3), limits.ALIGNMENT.acceleration_sigma
     time = fixes.time[near] - start
     slope = np.polyfit(time, fixes.velocity_n[near], 1)[0]
+    # Of the slope of a straight line through points with this σ.
     variance = (velocity_sigma[near] ** 2).mean(axis=0) / ((time - time.mean()) ** 2).sum()
     # A prior around zero: noisy velocities hardly move it.
     known = limits.ALIGNMENT.acceleration_sigma**2 / (limits.ALIGNMENT.acceleration_sigma**2 + variance)

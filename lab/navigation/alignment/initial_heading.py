@@ -285,6 +285,7 @@ def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatA
     increments = steps(
         imu.time, imu.dtheta - found.gyro_bias * np.diff(imu.time)[:, None], imu.time[0], start
     )
+    # From the begin of the window back to the first sample: what the gyros turned between is undone.
     C_nb = found.C_nb * running_attitudes(increments)[-1].inv()
     return Found(
         float(C_nb.as_euler("ZYX")[0]),
@@ -331,6 +332,7 @@ def by_magnetometer(
     if not rows.any():
         return UNKNOWN
     field = np.median(magnetometer.field[rows], axis=0)
+    # Levelled, with a heading of zero.
     north, east, down = Rotation.from_euler("YX", [attitude[1], attitude[0]]).apply(field)
     level = float(np.hypot(north, east))
     if not level > 0:
@@ -343,6 +345,7 @@ def by_magnetometer(
     if horizontal < limits.ALIGNMENT.weak_field or sigma > np.pi:
         return UNKNOWN
     return Found(
+        # In level axes, a nose at the heading ψ sees magnetic north at −ψ.
         float(wrap(np.arctan2(-east, north) + declination)),
         sigma,
         f"by the magnetometer ({model}, {np.degrees(declination):.1f}°)",

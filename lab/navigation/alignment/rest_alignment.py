@@ -173,6 +173,7 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
         # Errors relative to the attitude of this round, which is not that of the start.
         J = np.eye(21)
         J[ATT, ATT] = left_jacobian(x[ATT])
+        # The error before is that of the start still: seen from the attitude of this round, its mean is −J x.
         relative, first = J @ P @ J.T, -J @ x
         K = np.zeros((21, 6))
         K[ESTIMATED] = np.linalg.solve(H @ relative @ H.T + R + B @ B.T, H @ relative)[:, ESTIMATED].T
@@ -314,7 +315,9 @@ def _considered_jacobian(force: FloatArray, rate: FloatArray) -> FloatArray:
 def _sight(C_nb: FloatArray, gravity: FloatArray, omega_ie: FloatArray) -> FloatArray:
     """Return H (6, 21) of specific force plus gravity, and of rate minus the Earth's rate, in n."""
     H = np.zeros((6, 21))
+    # (I − [φ×]) (−g) + g = φ × g = −[g×] φ, and (I − [φ×]) ω − ω = −φ × ω = [ω×] φ.
     H[:3, ATT], H[3:, ATT] = -skew(gravity), skew(omega_ie)
     H[:3, ACCEL_BIAS], H[3:, GYRO_BIAS] = -C_nb, -C_nb
+    # Minus C times the force in b, which is −Cᵀ g; rates have no second minus.
     H[:3, ACCEL_SCALE], H[3:, GYRO_SCALE] = C_nb * (C_nb.T @ gravity), -C_nb * (C_nb.T @ omega_ie)
     return H

@@ -75,6 +75,7 @@ def start_covariance(
     sigma = np.sqrt(scale) * start.attitude_sigma[2]
     nodes, weights = _quadrature()
     mean, M = effects.at(sigma * nodes, start.attitude_sigma[2])
+    # Mean of the covariances given a heading, plus the second moment of the means.
     P = np.tensordot(weights, M @ independent @ M.mT, 1) + (weights * mean.T) @ mean
     return np.asarray((P + P.T) / 2)
 

@@ -180,103 +180,57 @@ def _name_states(name: str, parts: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{name} {part}" for part in parts)
 
 
+_PART, _ANGLE = ("", "%", 100.0), ("rad", "°", _DEGREES)
+_LENGTH, _SPEED, _TIME = ("m", "m", 1.0), ("m/s", "m/s", 1.0), ("s", "s", 1.0)
+_RATE, _FORCE = ("rad/s", "°/s", _DEGREES), ("m/s²", "mg", _MILLI_G)
+_PER_G = ("rad/s/(m/s²)", "°/s/g", _DEGREES * STANDARD_GRAVITY)
+"""SI unit, shown unit, and shown value of one SI unit."""
+_ON = "navigator.estimate_"
+"""Begin of the settings that add blocks."""
+
 BLOCKS: dict[str, Block] = {
-    GYRO_SCALE: Block(_name_states(GYRO_SCALE, "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0, constant=True),
-    ACCEL_SCALE: Block(
-        _name_states(ACCEL_SCALE, "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0, constant=True
-    ),
+    GYRO_SCALE: Block(_name_states(GYRO_SCALE, "xyz"), strapdown.GYRO_SCALE, *_PART, constant=True),
+    ACCEL_SCALE: Block(_name_states(ACCEL_SCALE, "xyz"), strapdown.ACCEL_SCALE, *_PART, constant=True),
     GYRO_MISALIGNMENT: Block(
-        _name_states(GYRO_MISALIGNMENT, OFF_DIAGONAL),
-        strapdown.GYRO_MISALIGNMENT,
-        "rad",
-        "°",
-        _DEGREES,
-        "navigator.estimate_misalignments",
-        _misalignment("gyro"),
-        constant=True,
+        _name_states(GYRO_MISALIGNMENT, OFF_DIAGONAL), strapdown.GYRO_MISALIGNMENT, *_ANGLE,
+        f"{_ON}misalignments", _misalignment("gyro"), constant=True,
     ),
     ACCEL_MISALIGNMENT: Block(
-        _name_states(ACCEL_MISALIGNMENT, OFF_DIAGONAL),
-        strapdown.ACCEL_MISALIGNMENT,
-        "rad",
-        "°",
-        _DEGREES,
-        "navigator.estimate_misalignments",
-        _misalignment("accelerometer"),
-        constant=True,
+        _name_states(ACCEL_MISALIGNMENT, OFF_DIAGONAL), strapdown.ACCEL_MISALIGNMENT, *_ANGLE,
+        f"{_ON}misalignments", _misalignment("accelerometer"), constant=True,
     ),
     GYRO_G: Block(
-        _name_states(GYRO_G, "xyz"),
-        strapdown.GYRO_G,
-        "rad/s/(m/s²)",
-        "°/s/g",
-        _DEGREES * STANDARD_GRAVITY,
-        "navigator.estimate_g_sensitivity",
-        _g_sensitivity,
+        _name_states(GYRO_G, "xyz"), strapdown.GYRO_G, *_PER_G, f"{_ON}g_sensitivity", _g_sensitivity,
         constant=True,
     ),
     GYRO_DRIFT: Block(
-        _name_states(GYRO_DRIFT, "xyz"),
-        strapdown.GYRO_DRIFT,
-        "rad/s",
-        "°/s",
-        _DEGREES,
-        "navigator.estimate_bias_drift",
+        _name_states(GYRO_DRIFT, "xyz"), strapdown.GYRO_DRIFT, *_RATE, f"{_ON}bias_drift",
         _instability("gyro"),
     ),
     ACCEL_DRIFT: Block(
-        _name_states(ACCEL_DRIFT, "xyz"),
-        strapdown.ACCEL_DRIFT,
-        "m/s²",
-        "mg",
-        _MILLI_G,
-        "navigator.estimate_bias_drift",
+        _name_states(ACCEL_DRIFT, "xyz"), strapdown.ACCEL_DRIFT, *_FORCE, f"{_ON}bias_drift",
         _instability("accelerometer"),
     ),
     GPS_DRIFT: Block(
-        _name_states(GPS_DRIFT, ("north", "east", "down")),
-        strapdown.GPS_DRIFT,
-        "m",
-        "m",
-        1.0,
-        "navigator.estimate_gps_drift",
+        _name_states(GPS_DRIFT, ("north", "east", "down")), strapdown.GPS_DRIFT, *_LENGTH, f"{_ON}gps_drift",
         _receiver_drift,
     ),
     BAROMETER_BIAS: _aid_error("barometer", strapdown.BAROMETER_BIAS),
     HEADING_BIAS: _aid_error("heading", strapdown.HEADING_BIAS),
     LEVER_ARM: Block(
-        _name_states(LEVER_ARM, ("forward", "right", "down")),
-        strapdown.LEVER_ARM,
-        "m",
-        "m",
-        1.0,
-        "navigator.estimate_lever_arm",
-        _process_of_setting("lever_arm"),
-        constant=True,
+        _name_states(LEVER_ARM, ("forward", "right", "down")), strapdown.LEVER_ARM, *_LENGTH,
+        f"{_ON}lever_arm", _process_of_setting("lever_arm"), constant=True,
     ),
     LATENCY: Block(
-        (LATENCY,),
-        strapdown.LATENCY,
-        "s",
-        "s",
-        1.0,
-        "navigator.estimate_latency",
-        _process_of_setting("latency"),
-        constant=True,
+        (LATENCY,), strapdown.LATENCY, *_TIME, f"{_ON}latency", _process_of_setting("latency"), constant=True
     ),
     ODOMETER_SCALE: _aid_error("odometer", strapdown.ODOMETER_SCALE),
     WIND: Block(
-        _name_states(WIND, ("north", "east")),
-        strapdown.WIND,
-        "m/s",
-        "m/s",
-        1.0,
-        "sensors.airspeed.fitted",
-        _wind,
+        _name_states(WIND, ("north", "east")), strapdown.WIND, *_SPEED, "sensors.airspeed.fitted", _wind
     ),
     AIRSPEED_SCALE: _aid_error("airspeed", strapdown.AIRSPEED_SCALE),
     **{aid.state: _aid_error(aid.name, strapdown.AID_ERRORS + k) for k, aid in enumerate(FURTHER)},
-}
+}  # fmt: skip
 """The further blocks by name, in the order of the states of a filter."""
 SCALES = (GYRO_SCALE, ACCEL_SCALE)
 """The blocks of a filter with 21 states."""

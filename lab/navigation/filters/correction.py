@@ -30,6 +30,7 @@ SMALL = 1e-4
 def correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     """Correct the navigator by the estimated error, and set the estimate to zero."""
     x, y, z = w[X], w[WIDTH + X], w[2 * WIDTH + X]
+    # Estimate minus truth is taken off; the error of the height is positive down, hence its plus below.
     latitude = state[LATITUDE] - x * state[strapdown.MERIDIAN]
     longitude = state[strapdown.LONGITUDE] - y * state[strapdown.TRANSVERSE] / state[strapdown.COSINE]
     strapdown.set_position(state, latitude, longitude, state[strapdown.HEIGHT] + z)
@@ -41,6 +42,7 @@ def correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
         state[PLACES[i - NAV]] -= w[WIDTH * i + X]
     turn = w[WIDTH * 6 + X], w[WIDTH * 7 + X], w[WIDTH * 8 + X]
     strapdown.note_correction(state, turn)
+    # Ĉ = (I − [φ×]) C, so the truth is exp(+[φ×]) Ĉ.
     attitude = strapdown.rotation(turn)
     at = strapdown.Q_NB
     q = strapdown.product(attitude, (state[at], state[at + 1], state[at + 2], state[at + 3]))
@@ -66,6 +68,7 @@ def correct_in_wander(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
 def _apply_left_jacobian(psi: Vector, v: Vector) -> Vector:
     """Return J v with J the left Jacobian of the rotation ψ, as in the exponential of SE₂(3)."""
     square = psi[0] * psi[0] + psi[1] * psi[1] + psi[2] * psi[2]
+    # J = I + (1 − cos ψ)/ψ² [ψ×] + (ψ − sin ψ)/ψ³ [ψ×]².
     if square < SMALL:
         a, b = 1 / 2 - square / 24, 1 / 6 - square / 120
     else:

@@ -167,6 +167,7 @@ def _pattern(write: Write, size: int) -> NDArray[np.bool_]:
     rng = np.random.default_rng(0)
     matrix = np.zeros((size, size))
     seen = np.zeros((size, size), dtype=np.bool_)
+    # More than one draw: single elements may vanish by chance.
     for _ in range(3):
         # Other mechanizations and the user's own states need longer ones.
         state = rng.uniform(0.1, 0.5, own_room.END)
@@ -206,12 +207,14 @@ def phi(state: FloatArray, F: FloatArray) -> None:
     tl = sl * per_cl
     # Relative change of each radius per metre north.
     curvature_slope = earth.ECCENTRICITY_SQUARED * sl * cl / (1 - earth.ECCENTRICITY_SQUARED * (sl * sl)) * m
+    # R_M / (R_M + h) = 1 − h m: the latitude changes the radius, and not the height above it.
     dm, dt = 3 * curvature_slope * (1 - height * m), curvature_slope * (1 - height * t)
     ie_n, ie_d = earth.RATE * cl, -earth.RATE * sl
     en_n, en_e, en_d = v_e * t, -v_n * m, -v_e * tl * t
 
     # Rates of ω_ie and ω_en with the position north and down, and with the velocity.
     ie_n_n, ie_d_n = ie_d * m, -ie_n * m
+    # North, a rate falls as its radius grows; down, it grows as R + h becomes shorter.
     en_n_n, en_n_d = -en_n * dt, en_n * t
     en_e_n, en_e_d = -en_e * dm, en_e * m
     en_d_n, en_d_d = -en_n * per_cl * per_cl * m - en_d * dt, en_d * t
@@ -234,6 +237,7 @@ def phi(state: FloatArray, F: FloatArray) -> None:
     skew(F, V, A, get(state, strapdown.FORCE_N))
     attitude_matrix(F, V, B, -1.0, state)
 
+    # φ̇ = −ω_in × φ + δω_in + C δb_g, with δω_in by position and by velocity.
     F[A + N, P + N], F[A + N, P + D], F[A + N, V + E] = ie_n_n + en_n_n, en_n_d, t
     F[A + E, P + N], F[A + E, P + D], F[A + E, V + N] = en_e_n, en_e_d, -m
     F[A + D, P + N], F[A + D, P + D], F[A + D, V + E] = ie_d_n + en_d_n, en_d_d, -tl * t
@@ -350,6 +354,7 @@ def gravitation_gradient(F: FloatArray, state: FloatArray) -> None:
     g = state[strapdown.GRAVITY]
     g_latitude, g_height = gravity_gradient(sl, cl, height)
     ie_n, _, ie_d = earth_rate(sl, cl)
+    # [ω_ie×]² = ω_ie ω_ieᵀ − |ω_ie|² I, and ω_ie has no part to the east.
     n_n, n_d = -g * m - ie_d * ie_d, ie_n * ie_d
     e_e = -g * t - ie_n * ie_n - ie_d * ie_d
     d_n, d_d = g_latitude * m + ie_n * ie_d, -g_height - ie_n * ie_n

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Sequence
 
 from lab.base.arrays import FloatArray
 from lab.navigation import strapdown
@@ -23,26 +22,28 @@ GS, BS = 15, 18
 
 
 @inline_kernel
+def sensor_axes(state: FloatArray, i: int) -> Vector:
+    """Return row i of the matrix that takes b to the axes of the filter's errors: C_nb."""
+    return get(state, strapdown.C_NB + 3 * i)
+
+
+@inline_kernel
+def sensor_axes_in_body(state: FloatArray, i: int) -> Vector:
+    """Return the same for errors resolved in b: a row of the unit matrix."""
+    return 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
+
+
+@inline_kernel
 def scale_columns(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the scale factors, and those of the biases anew; see `strapdown.per_scale`."""
     omega, f = mean(state, strapdown.PREVIOUS_DTHETA), mean(state, strapdown.PREVIOUS_DVELOCITY)
     p, q = per_scale(state, strapdown.GYRO_SCALE), per_scale(state, strapdown.ACCEL_SCALE)
     for i in range(3):
-        C = get(state, strapdown.C_NB + 3 * i)
+        C = sensor_axes(state, i)
         for j in range(3):
             rate, force = C[j] * p[j], -C[j] * q[j]
             F[A + i, G + j], F[A + i, GS + j] = rate, rate * omega[j]
             F[V + i, B + j], F[V + i, BS + j] = force, force * f[j]
-
-
-@inline_kernel
-def scale_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the scale factors and of the biases for errors resolved in b."""
-    omega, f = mean(state, strapdown.PREVIOUS_DTHETA), mean(state, strapdown.PREVIOUS_DVELOCITY)
-    p, q = per_scale(state, strapdown.GYRO_SCALE), per_scale(state, strapdown.ACCEL_SCALE)
-    for j in range(3):
-        F[A + j, G + j], F[A + j, GS + j] = p[j], p[j] * omega[j]
-        F[V + j, B + j], F[V + j, BS + j] = -q[j], -q[j] * f[j]
 
 
 @inline_kernel
@@ -60,7 +61,7 @@ GM, BM = -1, -1
 def misalignment_columns(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the misalignments; see `strapdown.per_scale`."""
     for i in range(3):
-        x, y, z = get(state, strapdown.C_NB + 3 * i)
+        x, y, z = sensor_axes(state, i)
         u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_SCALE)
         F[A + i, GM], F[A + i, GM + 1] = x * u[0], x * u[1]
         F[A + i, GM + 2], F[A + i, GM + 3] = y * v[0], y * v[1]
@@ -69,19 +70,6 @@ def misalignment_columns(state: FloatArray, F: FloatArray) -> None:
         F[V + i, BM], F[V + i, BM + 1] = -x * u[0], -x * u[1]
         F[V + i, BM + 2], F[V + i, BM + 3] = -y * v[0], -y * v[1]
         F[V + i, BM + 4], F[V + i, BM + 5] = -z * w[0], -z * w[1]
-
-
-@inline_kernel
-def misalignment_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the misalignments for errors resolved in b."""
-    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_SCALE)
-    F[A, GM], F[A, GM + 1] = u
-    F[A + 1, GM + 2], F[A + 1, GM + 3] = v
-    F[A + 2, GM + 4], F[A + 2, GM + 5] = w
-    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_SCALE)
-    F[V, BM], F[V, BM + 1] = -u[0], -u[1]
-    F[V + 1, BM + 2], F[V + 1, BM + 3] = -v[0], -v[1]
-    F[V + 2, BM + 4], F[V + 2, BM + 5] = -w[0], -w[1]
 
 
 @inline_kernel
@@ -103,17 +91,9 @@ def g_columns(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the g-sensitivity; see `strapdown.without_g`."""
     f = mean(state, strapdown.PREVIOUS_DVELOCITY)
     for i in range(3):
-        C = get(state, strapdown.C_NB + 3 * i)
+        C = sensor_axes(state, i)
         for j in range(3):
             F[A + i, GG + j] = C[j] * f[j]
-
-
-@inline_kernel
-def g_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the g-sensitivity for errors resolved in b."""
-    f = mean(state, strapdown.PREVIOUS_DVELOCITY)
-    for j in range(3):
-        F[A + j, GG + j] = f[j]
 
 
 GD, BD = -1, -1
@@ -125,17 +105,9 @@ def drift_columns(state: FloatArray, F: FloatArray) -> None:
     """Write the columns of the drift, which acts as the biases do."""
     p, q = per_scale(state, strapdown.GYRO_SCALE), per_scale(state, strapdown.ACCEL_SCALE)
     for i in range(3):
-        C = get(state, strapdown.C_NB + 3 * i)
+        C = sensor_axes(state, i)
         for j in range(3):
             F[A + i, GD + j], F[V + i, BD + j] = C[j] * p[j], -C[j] * q[j]
-
-
-@inline_kernel
-def drift_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the drift for errors resolved in b."""
-    p, q = per_scale(state, strapdown.GYRO_SCALE), per_scale(state, strapdown.ACCEL_SCALE)
-    for j in range(3):
-        F[A + j, GD + j], F[V + j, BD + j] = p[j], -q[j]
 
 
 OWN = blocks.CORE
@@ -150,18 +122,18 @@ def user_columns(state: FloatArray, F: FloatArray) -> None:
     for k in range(OWN_SIZE):
         at = own_room.EFFECTS + own_room.WIDTH * k
         for i in range(3):
-            x, y, z = get(state, strapdown.C_NB + 3 * i)
+            x, y, z = sensor_axes(state, i)
             F[A + i, OWN + k] = x * state[at] + y * state[at + 1] + z * state[at + 2]
             F[V + i, OWN + k] = -x * state[at + 3] - y * state[at + 4] - z * state[at + 5]
 
 
-@inline_kernel
-def user_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the states that a user declared for errors resolved in b."""
-    for k in range(OWN_SIZE):
-        at = own_room.EFFECTS + own_room.WIDTH * k
-        for i in range(3):
-            F[A + i, OWN + k], F[V + i, OWN + k] = state[at + i], -state[at + 3 + i]
+_COLUMNS: dict[str, Write] = {
+    blocks.GYRO_SCALE: scale_columns,
+    blocks.GYRO_MISALIGNMENT: misalignment_columns,
+    blocks.GYRO_G: g_columns,
+    blocks.GYRO_DRIFT: drift_columns,
+}
+"""What writes the columns of a block, and of the one of the accelerometers that comes with it."""
 
 
 @functools.cache
@@ -180,20 +152,11 @@ def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
         "OWN": (OWN, own.start),
         "OWN_SIZE": (OWN_SIZE, own.stop - own.start),
     }
-    constants = tuple((name, *values) for name, values in found.items())
-    writes = *model.writes, *_column_writers(names, in_body=model.in_body)
-    return dataclasses.replace(model, writes=writes, blocks=names, constants=constants)
-
-
-def _column_writers(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
-    """Yield the functions that write the columns of further blocks."""
-    if blocks.GYRO_SCALE in names:
-        yield scale_columns_in_body if in_body else scale_columns
-    if blocks.GYRO_MISALIGNMENT in names:
-        yield misalignment_columns_in_body if in_body else misalignment_columns
-    if blocks.GYRO_G in names:
-        yield g_columns_in_body if in_body else g_columns
-    if blocks.GYRO_DRIFT in names:
-        yield drift_columns_in_body if in_body else drift_columns
-    if any(name in blocks.OWN for name in names):
-        yield user_columns_in_body if in_body else user_columns
+    writes = [write for name, write in _COLUMNS.items() if name in names]
+    return dataclasses.replace(
+        model,
+        writes=(*model.writes, *writes, *([user_columns] if own.stop > own.start else [])),
+        blocks=names,
+        constants=tuple((name, *values) for name, values in found.items()),
+        kernels=(*model.kernels, *([(sensor_axes, sensor_axes_in_body)] if model.in_body else [])),
+    )

@@ -159,6 +159,7 @@ def shows_heading(
                         if D[k, j] != 0:
                             response += H[m, i] * P[i, j] * D[k, j]
             if k == 0:
+                # What of it is left if the heading is known.
                 own_variance -= response * response / heading
             if direct != 0 or chance > LEVEL * own_variance:
                 limit = CHANCE * CHANCE * heading * chance * covariance_along(P, D, k, k)

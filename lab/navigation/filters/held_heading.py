@@ -83,6 +83,7 @@ def keeps_heading(
 def _let_heading_turn_biases(state: FloatArray, P: FloatArray, F: FloatArray, dt: float) -> None:
     """Add what a step makes the moments of ω (cos ψ − 1) and ω sin ψ grow by to the level gyro biases."""
     variance, growth = P[NAV - 1, NAV - 1], 0.0
+    # Ṗ = F P + P Fᵀ: on the diagonal, twice the product of a row of F with its column of P.
     for j in range(STATES):
         growth += 2 * dt * F[NAV - 1, j] * P[NAV - 1, j]
     if growth <= 0:
@@ -132,6 +133,7 @@ def straighten(held: FloatArray, m: int, state: FloatArray, P: FloatArray, F: Fl
         if not is_small:
             _let_heading_turn_biases(state, P, F, dt)
         for row in range(2):
+            # Velocity north and east; then the tilts about north and east.
             F[NAV - 6 + row, heading] = 0.0
             F[NAV - 3 + row, heading] *= is_small
 

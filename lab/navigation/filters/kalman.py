@@ -281,6 +281,7 @@ def _whitening_row(R_root: FloatArray, m: int, row: FloatArray, z: FloatArray) -
 @kernel
 def scalar_update(w: FloatArray, z: float, done: FloatArray) -> None:
     """Update with one measurement z of unit variance; `done` holds its row of H, and receives the rest."""
+    # R of the whitened measurement.
     s = 1.0
     residual = z
     for i in range(STATES):

@@ -286,6 +286,7 @@ def variance_across(state: FloatArray, axis: Vector, P: FloatArray) -> float:
     """Return the variance of the attitude about the two directions across an axis in n, together [rad²]."""
     own = own_attitude(state, axis)
     per_square = 1 / (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
+    # The trace of P less its part along the axis.
     across = 0.0
     for i in range(3):
         across += P[6 + i, 6 + i]
@@ -306,6 +307,7 @@ def seen_azimuth_variance(state: FloatArray, kind: int, field: FloatArray, P: Fl
     at = strapdown.Q_NB
     C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
     axis = (C[0][0], C[1][0], C[2][0]) if kind == HEADING else rotate(C, get(field, 0))
+    # It is (σ of the tip / level part)⁴ with σ² = p d² / 2, so `LEAST_LEVEL` bounds it by its power of −4.
     variance = azimuth_variance(axis, variance_across(state, (0.0, 0.0, 1.0), P))
     return variance if kind == MAGNETIC or variance < LEAST_LEVEL**-4 else math.inf
 
@@ -394,6 +396,7 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     if HEADING <= kind <= MAGNETIC:
         variance += of_tilts + north_variance(state, position_variance(T, run.P))
     per_sigma = 1 / math.sqrt(variance)
+    # The residual is that of the corrected navigator; `scalar_update` takes H x off once more.
     z, s = residual, variance
     for i in range(STATES):
         z += done[i] * w[WIDTH * i + X]

@@ -100,6 +100,7 @@ def second_order(A: FloatArray, elapsed: float, decay: FloatArray, E: FloatArray
                 if power[m] != 0:  # F is sparse
                     for c in range(states):
                         product[c] += power[m] * A[m, c]
+            # The rows of A below are diagonal: the driven states only decay.
             for b in range(decay.size):
                 product[NAV + b] -= power[NAV + b] * decay[b] * elapsed
             for c in range(states):

@@ -82,6 +82,7 @@ def rotation_vector(p: Quaternion, q: Quaternion) -> Vector:
     w, x, y, z = product(p, conjugate(q))
     sine = math.sqrt(x * x + y * y + z * z)
     size = 2 * math.atan2(sine, abs(w)) / sine if sine > 1e-12 else 2.0
+    # q and −q are one rotation: the sign of w chooses its shorter vector.
     f = math.copysign(size, w)
     return f * x, f * y, f * z
 
@@ -122,6 +123,7 @@ def transport(P: FloatArray, phi: Vector) -> None:
         first, second = 0.5 - square / 24, 1 / 6 - square / 120
     else:
         first, second = (1 - math.cos(angle)) / square, (angle - math.sin(angle)) / (angle * square)
+    # J P, column by column; then (J P) Jᵀ, row by row.
     for i in range(P.shape[0]):
         a = (P[6, i], P[7, i], P[8, i])
         turned = strapdown.cross(phi, a)
@@ -216,6 +218,7 @@ def gather(
             deviation[6 + i] = phi[i] - centre[i]
         for i in range(n):
             x[i] += WEIGHT * deviation[i]
+    # The same as the sum above, by the definition of the mean attitude, without its rounding.
     put(x, 6, (-centre[0], -centre[1], -centre[2]))
     # The deviations d are from the centre, which deviates from the mean by −x: the weighted sum of squares
     # about the mean, including the centre, is that of d minus x xᵀ.

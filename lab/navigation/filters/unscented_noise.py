@@ -59,6 +59,7 @@ def drive(run: UnscentedFilter, elapsed: float) -> None:
     C_nb = strapdown.matrix(quaternion(run.state, strapdown.Q_NB))
     force = get(run.state, strapdown.FORCE_N)
     _add_noise(run, C_nb, 0.5 * elapsed)
+    # Φ D, column by column; then (Φ D) Φᵀ, row by row.
     for i in range(n):
         v, phi = (D[3, i], D[4, i], D[5, i]), (D[6, i], D[7, i], D[8, i])
         gyro, accel = (D[9, i], D[10, i], D[11, i]), (D[12, i], D[13, i], D[14, i])

@@ -112,11 +112,13 @@ def judge_fix(
         for j in range(n):
             out.fix_H[m, i, j] = H[i, j]
         for at in range(0, 9, 3):
+            # From the axes of the fix to those of w, in which the filter's errors are.
             put(H[i], at, back(axes, get(H[i], at)))
     predict_fix(run.P, H, R, S)
     nis = normalised_square(nu, S)
     became = gate_fix(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)
     if became != REJECTED:
+        # P was just raised by this very innovation, which is why it counts in full.
         if became == RECOVERED:
             nis = 0.0
         per_weight = 1 / weight(schedule.robust, nis)
@@ -158,6 +160,7 @@ def update_by_fix(run: UnscentedFilter, nu: FloatArray, may_hold: bool, held: Fl
     white = np.empty(MEASUREMENTS)
     for m in range(MEASUREMENTS):
         white[m] = nu[m]
+        # Forward substitution: L⁻¹ ν, and below, row by row, P Hᵀ L⁻ᵀ.
         for k in range(m):
             white[m] -= root[m, k] * white[k]
         white[m] /= root[m, m]

@@ -212,6 +212,7 @@ def _compiled(effect: Effect) -> Effect:
 def _check_effect(own: UserStates) -> None:
     """Raise `SettingError` if an effect cannot be computed."""
     rate, force = _MOTIONS[0]
+    # Column by column in memory, as kernels see it in the state of the navigator.
     E = np.zeros((own.size, own_room.WIDTH)).T
     try:
         own.effect(rate, force, E)

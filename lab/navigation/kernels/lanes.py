@@ -243,6 +243,7 @@ def navigate_lanes(
     motion = np.empty((LANES, path.size, MOTION))
     force = np.empty((LANES, stored.size, 3))
     none = np.empty((0, 3))
+    # As the driver sees it: a fix that rounding puts just behind a sample belongs to that sample.
     fixed = np.searchsorted(time, fix_time - SLACK * float(time[1] - time[0]))
     last = time.size - 1
     stops = np.zeros(time.size, dtype=np.bool_)
@@ -300,6 +301,7 @@ def _block(run: Filter, lanes: Sequence[Lane], model: ErrorModel, fixes: int) ->
         ):
             buffer[first : first + values.size, own] = values
     counts = np.tile(run.counts, (LANES, 1))
+    # Where each run's own fixes begin among those of all.
     counts[:, 0] = fixes * np.arange(LANES)
     return buffer, Counters(counts, np.tile(run.clock, (LANES, 1)), np.tile(run.streak, (LANES, 1)))
 

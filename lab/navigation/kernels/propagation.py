@@ -107,6 +107,7 @@ def layout(names: Sequence[str]) -> Layout:
     ends = [blocks.find_states(names, name).stop for name in names if not blocks.block(name).constant]
     return Layout(
         states,
+        # One column more than P has, for x, and up to whole vectors.
         8 * (states // 8 + 1),
         states,
         max([blocks.CORE, *ends]) - NAV,
