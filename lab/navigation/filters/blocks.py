@@ -180,11 +180,14 @@ def _name_states(name: str, parts: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{name} {part}" for part in parts)
 
 
-_PART, _ANGLE = ("", "%", 100.0), ("rad", "°", _DEGREES)
-_LENGTH, _SPEED, _TIME = ("m", "m", 1.0), ("m/s", "m/s", 1.0), ("s", "s", 1.0)
+_PART, _ANGLE, _TIME = ("", "%", 100.0), ("rad", "°", _DEGREES), ("s", "s", 1.0)
+"""SI unit, shown unit, and shown value of one SI unit: of parts, angles and times;"""
+_LENGTH, _SPEED = ("m", "m", 1.0), ("m/s", "m/s", 1.0)
+"""of lengths and speeds;"""
 _RATE, _FORCE = ("rad/s", "°/s", _DEGREES), ("m/s²", "mg", _MILLI_G)
+"""of angular rates and specific forces;"""
 _PER_G = ("rad/s/(m/s²)", "°/s/g", _DEGREES * STANDARD_GRAVITY)
-"""SI unit, shown unit, and shown value of one SI unit."""
+"""of the g-sensitivity."""
 _ON = "navigator.estimate_"
 """Begin of the settings that add blocks."""
 
