@@ -259,7 +259,7 @@ class Compare(ComputedPage):
             for key in set(kept) - set(wanted):
                 kept.pop(key, None)
         doing = (*wanted, self._sweep.key(result))
-        if self._stopped or not (set(wanted) - set(self._known) or self._sweep.is_pending(result)):
+        if self._stopped or not self._is_pending(result):
             self._doing = ()
             self._work.cancel()
             self._paint(result, None)
@@ -301,11 +301,19 @@ class Compare(ComputedPage):
             super()._report(result, stage)
 
     def _draw_some(self, result: Result) -> None:
-        """Draw what is computed so far."""
+        """Draw what is computed so far; with the last of it goes what cancels the rest."""
         if result is self._wanted and self._document is not None:
             with together(self._document):
+                if not self._is_pending(result):
+                    self._paint(result, None)
+                    return
                 self._write(result)
                 self._sweep.draw(result, stopped=self._stopped)
+
+    def _is_pending(self, result: Result) -> bool:
+        """Return whether a row, or a part of the sweep, is not computed yet."""
+        rows = () if self._is_alone else self._items(result)
+        return any(one.key not in self._known for one in rows) or self._sweep.is_pending(result)
 
     def paint(self, result: Result, _content: None) -> str:
         """Draw what is computed, and say what the percent are relative to."""

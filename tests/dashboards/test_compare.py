@@ -96,8 +96,20 @@ def test_alone_it_has_the_summary_and_says_how_to_compare(walk: Walk) -> None:
 
 
 def test_all_error_models_stand_beside_the_shown_result(walk: Walk) -> None:
+    shows, complete = page(walk), []
+    draw = shows._draw_some
+
+    def note(result: Any) -> None:
+        draw(result)
+        if len(shows._known) == 1 + len(models()):
+            complete.append((shows._stop.visible, str(shows.words.object)))
+
+    shows._draw_some = note  # type: ignore[method-assign]
     choose(walk, "All error models")
     assert not walk.complaints()
+    cancels, words = complete[0]  # what a browser sees with the last row, before the work has ended
+    assert not cancels
+    assert shows.working not in words
     shown = walk.page.session.result
     for name in models():
         alone = made(navigator__model=name).run()
