@@ -111,6 +111,8 @@ class HeldLinks:
                 )
                 continue
             problems += [f"A held result in the link: {sentence}" for sentence in wrong[:1]]
+            if wrong and not query(experiment):  # nothing is left of it: nobody held the default settings
+                continue
             self._waiting.append(
                 (experiment, name or describe_differences(experiment, self._session.shows_sigmas))
             )

@@ -85,7 +85,7 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
     """
     trial, problems = Experiment(), list[str]()
     try:
-        fields = parse_qsl(query, max_num_fields=MOST_FIELDS)
+        fields = parse_qsl(query, keep_blank_values=True, max_num_fields=MOST_FIELDS)
     except ValueError:
         return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
     # Other forms come last, because they depend on the other settings.
