@@ -1,9 +1,9 @@
 """Kept: what the browser of a page stores of it besides its address, for the page that comes back.
 
-That is the open step of a lesson, the solved steps, the name and the own settings of a student in a class,
-what is typed into a homework, what the page Compare adds, and the last changes of settings, if the connection
-was cut before the server had heard them. The browser stores it for one of its tabs, and the server for
-nobody: whoever alters it alters a page of their own.
+That is the open step of a lesson and the settings before it, the solved steps, the name and the own settings
+of a student in a class, what is typed into a homework, what the page Compare adds, and the last changes of
+settings, if the connection was cut before the server had heard them. The browser stores it for one of its
+tabs, and the server for nobody: whoever alters it alters a page of their own.
 """
 
 from __future__ import annotations
@@ -71,6 +71,8 @@ class Kept(NamedTuple):
         What the page Compare adds to the table; see `dashboards.pages.compare.Compare.kept`.
     unheard : tuple of Change
         The changes that the server did not hear any more; the browser alone knows them.
+    before : str or None
+        The settings of before the open lesson, as a query; None without one.
     """
 
     place: Place | None = None
@@ -81,6 +83,7 @@ class Kept(NamedTuple):
     typed: Typed | None = None
     compared: Mapping[str, Any] = MappingProxyType({})
     unheard: tuple[Change, ...] = ()
+    before: str | None = None
 
     @property
     def text(self) -> str:
@@ -90,7 +93,7 @@ class Kept(NamedTuple):
         solved = [[*key, list(steps)] for key, steps in self.solved.items() if steps]
         parts = self._replace(place=None, solved=MappingProxyType({}))._asdict()
         parts |= {"solved": solved, "place": [*self.place[0], self.place[1]] if self.place else None}
-        parts["compared"] = dict(self.compared)
+        parts |= {"compared": dict(self.compared), "before": None if self.before is None else [self.before]}
         text = json.dumps({name: part for name, part in parts.items() if part})
         return text if len(text) <= LONGEST else ""
 
@@ -158,6 +161,11 @@ def _read_kept(parts: dict[str, Any]) -> Kept:
             )
         case _:
             typed = None
+    match parts.get("before"):
+        case [str(before)]:
+            pass
+        case _:
+            before = None
     called, compared = parts.get("name"), parts.get("compared")
     return Kept(
         place,
@@ -167,6 +175,7 @@ def _read_kept(parts: dict[str, Any]) -> Kept:
         own,
         typed,
         compared if isinstance(compared, dict) else {},
+        before=before,
     )
 
 

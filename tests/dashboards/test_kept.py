@@ -33,6 +33,7 @@ PLAIN = some.recursive(
         some.none() | some.builds(Typed, WORD, WORD, some.tuples(WORD), some.tuples(WORD, WORD)),
         some.dictionaries(WORD, some.lists(WORD, max_size=3), max_size=3),
         some.just(()),
+        some.none() | WORD,
     ),
     some.booleans(),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from lessons_walk import click, page
 from walking import Walk, walking
 
 from dashboards import classroom
+from dashboards.kept import brought_back
 from dashboards.pages.lessons.lessons import FAULT_IS_OFF, OLD_RESULT
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
@@ -97,6 +99,25 @@ def test_a_step_sets_the_settings_and_judges_the_result_of_the_student(walk: Wal
     assert "2 of 2 solved" in walk.text()
 
 
+def test_the_end_of_lessons_gives_back_the_settings_of_before_them(walk: Walk) -> None:
+    session = walk.page.session
+    own = session.experiment.update({"navigator.r_scale": 3.0, "seed": 5}).to_dict()
+    click(walk, "Of <b>mine</b>")
+    session.change("seed", 9)
+    click(walk, "Next step")
+    click(walk, "Next lesson")  # it is another experiment
+    lesson, place = session.experiment.to_dict(), page(walk).place
+    assert lesson != own
+    kept = walk.page._kept()
+    walk.page._restore_kept(brought_back(json.dumps({"kept": kept.text, "is_same": True}))[0], True)  # reload
+    click(walk, "All lessons")
+    assert session.experiment.to_dict() == own
+    walk.ask("undo")
+    assert (session.experiment.to_dict(), page(walk).place) == (lesson, place)
+    click(walk, "All lessons")
+    assert session.experiment.to_dict() == own
+
+
 def test_the_last_step_leads_to_the_next_lesson(walk: Walk) -> None:
     click(walk, "A first look")
     for _ in range(2):
@@ -133,7 +154,6 @@ def test_a_fault_is_on_while_its_lesson_is_open_and_off_afterwards(walk: Walk) -
     assert session.experiment.hidden == FAULTS["r"].title
     click(walk, "All lessons")
     assert not isinstance(session.experiment, FaultyExperiment)
-    assert session.experiment.navigator.q_scale == 2.0
     click(walk, "Break it 1")
     assert session.experiment.hidden == FAULTS["latency"].title
     click(walk, "All lessons")

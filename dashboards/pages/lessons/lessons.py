@@ -15,6 +15,7 @@ from dashboards.pages.base import Page
 from dashboards.pages.lessons.homework_part import HomeworkPart
 from dashboards.pages.lessons.lesson_list import Key, LessonList
 from dashboards.pages.lessons.step_view import Actions, StepView
+from dashboards.query import experiment_of_query, query
 from dashboards.sending import soon
 from dashboards.session import Session
 from dashboards.style import whole_column
@@ -70,6 +71,7 @@ class Lessons(Page):
         self._lesson: Lesson | None = None
         self._key: Key = ("", "")
         self._number = 0
+        self._own: Experiment | None = None  # the settings of before the lesson, which its end gives back
         self._begun: set[tuple[Key, int]] = set()
         self._solved: dict[Key, set[int]] = {}
         self._looking: Any = None
@@ -125,6 +127,9 @@ class Lessons(Page):
         if lesson is not None:
             self._key, self._number = key, min(max(number, 0), len(lesson.steps) - 1)
             self._begun.add((self._key, self._number))
+            self._own = self._own or self._session.experiment.copy()
+        else:
+            self._own = None
         self._lesson = lesson
         self._lay_out()
 
@@ -141,7 +146,9 @@ class Lessons(Page):
         """Return what the browser stores, with the open step, the solved ones, and a homework."""
         solved = {key: tuple(sorted(steps)) for key, steps in self._solved.items() if steps}
         hides = self._lesson is not None and bool(self._session.experiment.hidden)
-        return kept._replace(place=self.place, hides=hides, solved=solved, typed=self._homework.typed)
+        before = None if self._own is None or self._own.hidden else query(self._own)
+        kept = kept._replace(place=self.place, hides=hides, solved=solved, typed=self._homework.typed)
+        return kept._replace(before=before if self._lesson is not None else None)
 
     def take_back(self, kept: Kept) -> None:
         """Take the solved steps that the browser had stored, and what was typed into the homework."""
@@ -155,6 +162,7 @@ class Lessons(Page):
         if kept.place is not None:
             key, number = kept.place
             self._begun |= {(key, step) for step in range(min(number + 1, MOST_STEPS))}
+            self._own = None if kept.before is None else experiment_of_query(kept.before)[0]
         self._homework.take_back(kept.typed)
         self._lay_out()
 
@@ -211,6 +219,8 @@ class Lessons(Page):
         return self._solved.setdefault(self._key, set())
 
     def _open(self, key: Key) -> None:
+        if self._lesson is None:
+            self._own = self._session.experiment.copy()
         self._lesson = self._catalogue.find(*key)
         if self._lesson is None:
             return
@@ -221,9 +231,14 @@ class Lessons(Page):
         self._session.acted()
 
     def _close_lesson(self) -> None:
-        """Go back to the list; a hidden fault is turned off."""
-        self._lesson = None
+        """Go back to the list, and to the settings of before the lesson, which hide no fault."""
+        own, self._own, self._lesson = self._own, None, None
         self._lay_out()
+        try:
+            if own is not None:
+                self._session.accept(own, called="Own settings after the lesson")
+        except SettingError as error:  # the mission is not there any more
+            self._session.problem = str(error)
         self._turn_faults_off()
         self._session.acted()
 
