@@ -74,7 +74,7 @@ class Item(NamedTuple):
 
 
 class Compare(ComputedPage):
-    """Held results beside the shown one, and beside what is added: a row each; sweeps below them.
+    """Held results beside the shown one, and beside what is added: a row each; sweeps above them.
 
     The rows of the present settings are computed again when these change. What is computed stays known while
     it is in the table.
@@ -97,7 +97,7 @@ class Compare(ComputedPage):
             session.param.watch(lambda _event: self._draw_again(), "shows_sigmas")
 
     def make(self) -> pn.viewable.Viewable:
-        """Return what can be added, the table, and the place of a sweep."""
+        """Return what can be added, the places of a sweep and of outages, and the table."""
         self._add = {
             name: pmui.Toggle(label=name, size="small", variant="outlined", margin=(8, 4), sx=_TOGGLE)
             for name in ("All error models", "Sensor cards", "Seeds", "A sweep", "Outages")
@@ -131,9 +131,9 @@ class Compare(ComputedPage):
         bar = pn.FlexBox(
             said, *self._add.values(), self._stop, self._baseline, margin=(0, 12), align_items="center"
         )
-        sweep = self._sweep.choice.view, self._sweep.figure
-        parts = bar, self._cards.view, self._seeds, self.words, self._table, *sweep, self._outages.view
-        return whole_column(*parts)
+        # What a person asked for stands above the table, which may be longer than a window.
+        asked = self._sweep.choice.view, self._sweep.figure, self._outages.view
+        return whole_column(bar, self._cards.view, self._seeds, self.words, *asked, self._table)
 
     def kept(self) -> dict[str, Any]:
         """Return what is added to the table, as plain data; empty without anything."""
