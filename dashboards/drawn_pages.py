@@ -224,9 +224,10 @@ class DrawnPages:
         for page in self._pages.values():
             page.close()
 
-    def _held(self) -> list[Result]:
-        """Return the held results besides the shown one."""
-        return [one.result for one in self._session.held if one.result is not self._session.result]
+    def _held(self) -> list[Result | None]:
+        """Return the held results in their places; that of the shown one is free."""
+        shown = self._session.result
+        return [None if one.result is shown else one.result for one in self._session.held]
 
     def _turn_aside(self, aside: Aside) -> None:
         """Show what was opened beside the tabs, or rest what was closed; the sheet would cover the dock."""

@@ -137,6 +137,7 @@ class SimulatorPage:
 
     def _listen(self) -> None:
         """Follow the session, the tabs and the visible stretch of time."""
+        self._time_bar.tools.param.watch(partial(self._share.give_samples, self.axis), "asked")
         self.session.prepare = self.pages.prepare
         self.session.go = self._open_page_at
         self.session.remind = self._remind

@@ -1,5 +1,5 @@
 // What all plots share: the legend, the values at the pointer or the time cursor, and a menu with pictures and numbers.
-// All of it is read from the plots that the browser has: the server is not asked.
+// All of it is read from the plots that the browser has; the server is asked for the samples of thinned curves alone.
 
 const FIELDS = ["text", "search", "number", "email", "password", "url", "tel"]
 const SIGMA = /^(±?)(\d+)σ$/  // of a length, the band has one side
@@ -265,7 +265,12 @@ async function copy(text) {
 const ACTIONS = {
   "Picture (PNG)": (view, name) => picture(view, "png", name),
   "Drawing (SVG)": (view, name) => picture(view, "svg", name),
-  "Numbers seen (csv)": (view, name) => save(new Blob([csv(view)], {type: "text/csv"}), name, "csv"),
+  "Numbers seen (csv)": (view, name, model) => {
+    // Of a thinned curve, the browser has the extremes alone, and not when they were: the server writes its samples.
+    if (!view.model.tags.includes("thinned")) return save(new Blob([csv(view)], {type: "text/csv"}), name, "csv")
+    model.asked = {figure: view.model.id, name: `${name}.csv`, count: (model.asked.count ?? 0) + 1}
+    return ""
+  },
   "Copy link to this view": () => copy(link()),
 }
 
@@ -422,7 +427,7 @@ export function render({model}) {
       const item = made("button", {type: "button", role: "menuitem", tabindex: -1}, words)
       item.addEventListener("click", async () => {
         close()
-        const told = await act(view, name.replaceAll(/[^\p{L}\p{N}]+/gu, "_").toLowerCase())
+        const told = await act(view, name.replaceAll(/[^\p{L}\p{N}]+/gu, "_").toLowerCase(), model)
         said.textContent = told ?? `${words} saved`
         setTimeout(() => { said.textContent = "" }, 3000)
       })

@@ -30,10 +30,14 @@ CROWDED = 500
 
 
 class PlotTools(JSComponent):
-    """Legend and values of all plots over time, and a menu in each plot; all in the browser.
+    """Legend and values of all plots over time, and a menu in each plot; in the browser but for samples.
 
     As a bundle, script and style are files that a browser keeps, and no part of the messages of a page.
     """
+
+    asked: dict[str, Any] = param.Dict(
+        {}, doc="The last figure whose samples are wanted, the name of their file, and a count."
+    )
 
     _bundle = _HERE / "plot_tools.js"
 

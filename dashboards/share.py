@@ -32,9 +32,11 @@ from dashboards.query import query
 from dashboards.session import Session
 from dashboards.upstream.components import send_to_browser
 from lab.base.progress import Progress
+from lab.base.result_files import csv_blocks
 from lab.experiment.experiment import Experiment
 from lab.experiment.json_form import changed_settings
 from lab.experiment.result import Result
+from lab.views.figures import TimeAxis
 
 NO_REPETITION = "Some settings of this run are hidden: only its lesson or homework repeats it."
 HIDES = "None of these contains what the run hides, or its seed."
@@ -161,11 +163,19 @@ class Share:
             content = f"{self._address.held.lines}{experiment.to_toml()}"
             self.view.give(self._name(experiment, "toml"), content.encode())
         elif what == "seen":
-            self._begin("csv", partial(seen_csv, *self._seen()))
+            self._write_result("csv", partial(seen_csv, *self._seen()))
         elif what == "report":
-            self._begin(FILES[what].ending, partial(report_file, notes=self._session.notes))
+            self._write_result(FILES[what].ending, partial(report_file, notes=self._session.notes))
         elif what in FILES:
-            self._begin(FILES[what].ending, FILES[what].write)
+            self._write_result(FILES[what].ending, FILES[what].write)
+
+    def give_samples(self, axis: TimeAxis, event: param.parameterized.Event) -> None:
+        """Give the browser the samples that a figure shows; a hand-made message may contain anything."""
+        read = axis.samples.get(str(event.new.get("figure")))
+        if read is not None:
+            self._begin(
+                str(event.new.get("name")), lambda _progress: "".join(csv_blocks(read())).encode("utf-8")
+            )
 
     def _tell(self) -> None:
         """Give the browser what is copied, as the page is now."""
@@ -185,19 +195,22 @@ class Share:
             "count": self.view.told["count"] + 1,
         }
 
-    def _begin(self, ending: str, write: Callable[[Result, Progress], bytes]) -> None:
-        """Write a file of the result, unless one is being written: people click again when they wait."""
+    def _write_result(self, ending: str, write: Callable[[Result, Progress], bytes]) -> None:
         result = self._session.result
-        if result is None or (self._job is not None and self._job.busy):
+        if result is not None:
+            self._begin(self._name(result.experiment, ending), partial(write, result))
+
+    def _begin(self, name: str, write: Callable[[Progress], bytes]) -> None:
+        """Write a file, unless one is being written: people click again when they wait."""
+        if self._job is not None and self._job.busy:
             return
         if self._job is None:
             self._job = Job(closeable=True)
             self._main.append(pn.Column(self._job.view, margin=0, stylesheets=[_PLACE]))
-        name = self._name(result.experiment, ending)
 
         def work(progress: Progress) -> bytes:
             try:
-                return write(result, progress)
+                return write(progress)
             except OSError as error:
                 reason = error.strerror or str(error)
                 raise ValueError(

@@ -109,8 +109,9 @@ class TimeBar:
             whole,
             stylesheets=[ROW],
         )
+        self.tools = PlotTools(sizing_mode="stretch_width", margin=0)  # type: ignore[no-untyped-call]
         self.view = plain_column(
-            PlotTools(sizing_mode="stretch_width", margin=0),  # type: ignore[no-untyped-call]
+            self.tools,
             row,
             styles={"border-top": "1px solid rgba(128,128,128,.25)", "flex": "0 0 auto"},
             stylesheets=[ON_SCREEN],

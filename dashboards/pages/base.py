@@ -38,7 +38,7 @@ class Page(ABC):
     draw_again : callable
         Redraws the page after a choice on it. The code that shows the page sets it; before, it does nothing.
     held : callable
-        Returns the results that are drawn beside the shown one; set likewise.
+        Returns the results that are drawn beside the shown one, each in its place; set likewise.
     """
 
     title: str
@@ -50,7 +50,7 @@ class Page(ABC):
 
     def __init__(self, axis: TimeAxis, _session: object = None) -> None:
         self.axis = axis
-        self.held: Callable[[], Sequence[Result]] = tuple
+        self.held: Callable[[], Sequence[Result | None]] = tuple
         self.draw_again: Callable[[], None] = lambda: None
         self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self.view = self.make()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.events import DoubleTap, Tap
@@ -19,6 +19,9 @@ from bokeh.models.tools import BoxZoomTool, CrosshairTool, WheelPanTool, WheelZo
 from bokeh.plotting import figure
 
 from lab.views.quantities import CURSOR, NOTES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_DECADES = 10
 """Most decades of a logarithmic axis with one tick each: a figure of 150 px has room for no more."""
@@ -46,6 +49,9 @@ class TimeAxis:
         Stretches of time without GPS, shaded in all figures.
     duration : float
         End of the flight [s].
+    samples : dict of str to callable
+        Of each figure with thinned curves, by its id: returns their samples in the visible stretch, each at
+        its own time.
     """
 
     def __init__(self, *, name: str = "time", hover: bool = True) -> None:
@@ -56,6 +62,7 @@ class TimeAxis:
             dimension="height", location=0.0, line_color=CURSOR, line_width=1.2, name=f"{name} cursor"
         )
         self.outages = ColumnDataSource({"start": [], "end": []}, name=f"{name} without GPS")
+        self.samples: dict[str, Callable[[], pd.DataFrame]] = {}
         self._strips: list[GlyphRenderer[Any]] = []
         self._shaded: list[figure] = []
         self._notes: ColumnDataSource | None = None

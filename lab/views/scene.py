@@ -146,11 +146,11 @@ class Scene:
         self._colours = DARK if dark else LIGHT
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
-    def show(self, result: Result, time: float = 0.0, held: Sequence[Result] = ()) -> None:
+    def show(self, result: Result, time: float = 0.0, held: Sequence[Result | None] = ()) -> None:
         """Draw a result in place of the previous one, with the aircraft at a time [s].
 
-        Held results stand beside it: a thin path, and 3σ ellipsoids of wire. Those of another map zone are
-        too far away.
+        Held results stand beside it: a thin path, and 3σ ellipsoids of wire; None leaves a place free. Those
+        of another map zone are too far away.
         """
         new_flight = self._mission != result.mission.name
         self._result, self._mission = result, result.mission.name
@@ -229,10 +229,9 @@ class Scene:
             precision="float32",
         )
 
-    def _draw_held(self, result: Result, held: Sequence[Result]) -> None:
-        near = [one if one.projection.zone == result.projection.zone else None for one in held]
-        for letter, colour, one in zip_longest(LETTERS, HELD, near):
-            if one is None:
+    def _draw_held(self, result: Result, held: Sequence[Result | None]) -> None:
+        for letter, colour, one in zip_longest(LETTERS, HELD, held):
+            if one is None or one.projection.zone != result.projection.zone:
                 self._server.scene.remove_by_name(f"/{letter}")
             else:
                 self._draw_path(f"/{letter}/path", self._path(one, "estimated"), colour, 1.5)

@@ -69,7 +69,7 @@ def thinned(
 
     for clock in clocks:
         names = list(dict.fromkeys(name for plot in plots for name in find_columns(plot, clock)))
-        times = _times(result, clock)
+        times = find_times(result, clock)
         if clock == "time" and getattr(result, "is_long", False):
             assert isinstance(result, Run)
 
@@ -156,7 +156,8 @@ def _part(plots: Sequence[TimePlot], result: Result, first: int, last: int) -> l
     return [values[first - before :] for values in _series(plots, result.part(before, last), "time")]
 
 
-def _times(result: Result | Ensemble, clock: Clock) -> FloatArray:
+def find_times(result: Result | Ensemble, clock: Clock) -> FloatArray:
+    """Return the times of a clock of a result [s]."""
     # An ensemble has no IMU times; its times are those of the fixes.
     if clock == "time":
         return result.time

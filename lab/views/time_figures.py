@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 from weakref import ref
 
@@ -21,10 +22,12 @@ from lab.views.envelope import SMALLEST_DRAWN, FloatArray, limits
 from lab.views.figures import TimeAxis, hide, set_ordinate, time_figure
 from lab.views.legend import add_legend
 from lab.views.quantities import CURSOR, HELD, LETTERS
-from lab.views.thinned import Thinned, find_columns, thinned
+from lab.views.thinned import Thinned, find_columns, find_times, thinned
 from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, Interval, TimePlot
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.result import Result
 
@@ -110,6 +113,7 @@ class TimeFigures:
         self._in_place = in_place
         self._sources: dict[Clock, Columns] = {}
         self._ready: tuple[ref[Result | Ensemble], tuple[float, float], Thinned] | None = None
+        self._seen: dict[str, ref[Result | Ensemble]] = {}  # what is drawn, by what its names begin with
         for clock in CLOCKS:
             names = [name for plot in self.plots for name in find_columns(plot, clock)]
             if names:
@@ -127,7 +131,7 @@ class TimeFigures:
         window = self.axis.window
         self._ready = (ref(result), window, self._thinned(result, window))
 
-    def show(self, result: Result | Ensemble, held: Sequence[Result] = ()) -> None:
+    def show(self, result: Result | Ensemble, held: Sequence[Result | None] = ()) -> None:
         """Draw a result, or the averages of an ensemble, in the visible stretch of time.
 
         Parameters
@@ -135,10 +139,13 @@ class TimeFigures:
         result
             What is drawn.
         held
-            Results drawn beside it, as thin curves with the outlines of their bands: at most as many as there
-            are colours in `HELD`.
+            Results drawn beside it, as thin curves with the outlines of their bands, each with the colour and
+            the letter of its place: at most as many as there are colours in `HELD`. None leaves a place free.
         """
         window, ready = self.axis.window, self._ready
+        marks = (f"{letter}: " for letter in LETTERS)
+        of_held = {mark: ref(one) for mark, one in zip(marks, held, strict=False) if one is not None}
+        self._seen = {"": ref(result), **of_held}
         beside = self._draw_held(held, window)
         self._ready = None
         prepared = ready is not None and ready[0]() is result and ready[1] == window
@@ -162,7 +169,9 @@ class TimeFigures:
             if plot.scale == "logarithmic":
                 self._name_zeros(plot, fig, series)
 
-    def _draw_held(self, held: Sequence[Result], window: tuple[float, float]) -> dict[str, list[FloatArray]]:
+    def _draw_held(
+        self, held: Sequence[Result | None], window: tuple[float, float]
+    ) -> dict[str, list[FloatArray]]:
         """Draw held results in a window of time; return their curves and bands by the name of the plot."""
         found: dict[str, list[FloatArray]] = {}
         for slot in range(max(len(held), len(self._layers))):
@@ -178,6 +187,36 @@ class TimeFigures:
             for plot, series in layer.extent(self.plots).items():
                 found.setdefault(plot, []).extend(series)
         return found
+
+    def _read_samples(self, plot: TimePlot) -> pd.DataFrame:
+        """Return the samples of what a plot draws in the visible stretch, each at its own time."""
+        import pandas as pd  # noqa: PLC0415 - an opening page needs none of it
+
+        start, end = self.axis.window
+        unit = f" [{plot.unit}]" if plot.unit else ""
+        glyphs = {curve.name: self._glyphs[curve.name] for curve in reversed(plot.drawn)}
+        titles: dict[str, str] = {}
+        if plot.band is not None:
+            edges = {plot.band.low: "from", plot.band.high: "to"}
+            titles |= {edge: f"{plot.band.label} {word}" for edge, word in edges.items()}
+        drawn_of_held = titles.keys() | {curve.name for curve in _own_curves(plot)}
+        if isinstance(plot.band, Interval):  # it is the same for all
+            drawn_of_held -= titles.keys()
+        titles |= {name: str(glyph.name) for name, glyph in glyphs.items() if glyph.visible}
+        tables = []
+        for mark, drawn in self._seen.items():
+            result = drawn()
+            if result is None:  # that of a long flight is let go of before the next run
+                continue
+            for clock in self._sources:
+                columns = find_columns(plot, clock, result)
+                names = columns.keys() & (drawn_of_held if mark else titles.keys())
+                named = {f"{mark}{titles[name]}{unit}": columns[name] for name in titles if name in names}
+                if named:
+                    times = pd.Index(find_times(result, clock), name="time [s]")
+                    table = pd.DataFrame(named, index=times)
+                    tables.append(table[(times >= start) & (times <= end)])
+        return pd.concat(tables, axis=1).sort_index()
 
     def _thinned(
         self, result: Result | Ensemble, window: tuple[float, float], clocks: Sequence[Clock] | None = None
@@ -231,6 +270,8 @@ class TimeFigures:
             first = glyphs[plot.curves[0].label]
             fig.add_tools(HoverTool(mode="vline", renderers=[first], tooltips=_tooltips(plot)))
         self._glyphs |= {curve.name: glyphs[curve.label] for curve in plot.drawn}
+        fig.tags = ["thinned"]  # for the menu of the plot, which asks for the samples
+        self.axis.samples[fig.id] = partial(self._read_samples, plot)
         if len(glyphs) > 1 and (self.axis.hover or not set(glyphs) <= SAME_EVERYWHERE):
             items = add_legend(fig, dict(reversed(glyphs.items())))
             self._legends |= {curve.name: items[curve.label] for curve in plot.drawn}

@@ -92,8 +92,11 @@ class TrackFigure:
         legend = add_legend(fig, {"estimate": estimated, "truth": true, "GPS fixes": fixes}, "below")
         self._truth_entry = legend["truth"]
 
-    def show(self, result: Result, time: float, held: Sequence[Result] = ()) -> None:
-        """Draw a result, with the aircraft at a time [s], and the paths of held results beside it."""
+    def show(self, result: Result, time: float, held: Sequence[Result | None] = ()) -> None:
+        """Draw a result, with the aircraft at a time [s], and the paths of held results beside it.
+
+        Each of these has the colour of its place; None leaves a place free.
+        """
         self._result = result
         truth = result.truth_arrays
         self._truth_entry.update(visible=truth is not None, label=value(result.truth_word))
@@ -102,10 +105,14 @@ class TrackFigure:
             self._true.data = _columns(*NOWHERE) if truth is None else _path(result, truth, result.time)
         self._estimated.data = _path(result, result.solution_arrays, result.time)
         self._fixes.data = _columns(_on_map(result, result.fixes.position), result.fixes.time)
-        beside = [_path(result, one.solution_arrays, one.time) for one in held]
+        beside = {
+            colour: _path(result, one.solution_arrays, one.time)
+            for colour, one in zip(HELD, held, strict=False)
+            if one is not None
+        }
         if beside or self._held.data["colour"]:
-            lines = {name: [one[name] for one in beside] for name in ("east", "north")}
-            self._held.data = {**lines, "colour": list(HELD[: len(beside)])}
+            lines = {name: [one[name] for one in beside.values()] for name in ("east", "north")}
+            self._held.data = {**lines, "colour": list(beside)}
         ends = _on_map(result, result.solution_arrays.position[[0, -1]])
         self._ends.data = {
             "east": ends[:, 0], "north": ends[:, 1], "marker": ["circle", "square"], "word": ["start", "end"],

@@ -139,9 +139,12 @@ def test_a_press_on_its_name_brings_the_settings_back(walk: Walk) -> None:
     held = walk.page.session.result
     hold(walk)
     run(walk, 0.1)
+    hold(walk)
     with set_curdoc(walk._document):
         walk.page._holding._bring_back(walk.page.session.held[0])
     assert walk.page.session.experiment.to_dict() == held.experiment.to_dict()
+    walk.show(held)
+    assert layers(walk) == [False, True]  # the first is the shown one, and the second keeps its letter
 
 
 def test_no_more_are_held_than_can_be_told_apart(walk: Walk) -> None:

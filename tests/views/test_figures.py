@@ -24,6 +24,7 @@ from lab.views.quantities import (
     ENSEMBLE_CONSISTENCY,
     ERRORS,
     HEIGHT,
+    HELD,
     INNOVATIONS,
     LAGS,
     SCALE_COVARIANCE,
@@ -146,6 +147,8 @@ def test_the_track_is_in_metres_from_the_start(result: Result) -> None:
     track.show(result, 0.0)
     assert track._true.data is sent, "the same truth is not sent again"
     assert track._held.data["colour"] == []
+    track.show(result, 0.0, [None, result])
+    assert track._held.data["colour"] == [HELD[1]]
 
 
 def test_averages_of_an_ensemble_are_drawn_in_their_narrower_interval(axis: TimeAxis) -> None:
@@ -275,6 +278,20 @@ def test_held_results_are_drawn_beside_and_sent_once(result: Result, axis: TimeA
     axis.range.update(start=20.0, end=30.0)
     figures.show(result, [other])
     assert held.data["time"].max() < 31.0
+    axis.range.update(start=20.0, end=120.0)  # of more samples than a plot has pixels
+    figures.show(result, [None, other])
+    assert not any(glyph.visible for glyph in figures._layers[0]._glyphs)
+    table = axis.samples[figures.figures[0].id]()
+    inside = (result.time >= 20.0) & (result.time <= 120.0)
+    assert inside.sum() > 2 * figures._buckets
+    assert np.array_equal(table.index, result.time[inside])
+    assert list(table) == [
+        *(f"{mark}{name} [m]" for mark in ("", "B: ") for name in ("±3σ from", "±3σ to", "error"))
+    ]
+    for mark, one in (("", result), ("B: ", other)):
+        sigma, error = one.sigma["position"].values[inside, 0], one.errors["position"].values[inside, 0]
+        expected = np.stack((-3 * sigma, 3 * sigma, error), axis=-1)
+        assert np.array_equal(table.filter(regex=f"^{mark}[±e]"), expected)
     axis.whole()
     figures.show(result)
     assert not any(glyph.visible for glyph in figures._layers[0]._glyphs)
