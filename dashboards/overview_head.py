@@ -9,31 +9,7 @@ from typing import Any
 import param
 from panel.custom import JSComponent
 
-_STYLE = """
-:host { display: block; height: auto !important; width: auto !important; min-width: 0; }
-.head { font: 14px/1.45 Roboto, sans-serif; color: inherit; }
-.introduction { display: flex; flex-wrap: wrap; align-items: center; gap: 4px 8px; position: relative;
-                padding: 6px 44px 8px 12px; margin-bottom: 8px; border-left: 4px solid #3b8eea;
-                background: rgba(59, 142, 234, .09); }
-.introduction p { margin: 0; flex: 1 1 460px; }
-.actions { display: flex; flex-wrap: wrap; gap: 6px; }
-.numbers { display: grid; grid-template-columns: repeat(6, minmax(0, 1fr)); gap: 8px; }
-.head[hidden], .introduction[hidden], .numbers[hidden] { display: none; }
-button { font: inherit; color: inherit; background: none; cursor: pointer; border-radius: 6px;
-         border: 1px solid rgba(128, 128, 128, .4); padding: 4px 10px; }
-button:hover { background: rgba(128, 128, 128, .14); }
-button:focus-visible { outline: 2px solid #3b8eea; outline-offset: 1px; }
-.close { position: absolute; top: 4px; right: 6px; width: 32px; height: 32px; padding: 0; border: 0;
-         font-size: 20px; line-height: 1; }
-.numbers button { text-align: left; padding: 5px 10px; overflow: hidden; }
-.numbers b { display: block; font-size: 18px; font-weight: 500; line-height: 1.25; white-space: nowrap;
-             font-variant-numeric: tabular-nums; }
-.numbers span { display: block; font-size: 12px; opacity: .8; }
-.numbers .step { text-decoration: underline; }
-@media screen and (max-width: 1150px) { .numbers { grid-template-columns: repeat(3, minmax(0, 1fr)); } }
-@media screen and (max-width: 480px) { .numbers { grid-template-columns: repeat(2, minmax(0, 1fr)); } }
-@media print { .introduction { display: none; } }
-"""
+_STYLE = Path(__file__).with_name("overview_head.css").read_text("utf-8")
 
 
 class OverviewHead(JSComponent):

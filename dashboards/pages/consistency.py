@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import panel as pn
@@ -36,25 +37,7 @@ from lab.views.time_figures import TimeFigures
 if TYPE_CHECKING:
     import pandas as pd
 
-_STYLE = """
-:host { font: 14px/1.5 Roboto, sans-serif; }
-.verdict { border-left: 4px solid #12a67c; padding: 2px 14px; margin: 0 0 2px; max-width: 1100px; }
-.verdict.unknown { border-color: rgba(128,128,128,.5); }
-.verdict.wrong { border-color: #e8862e; }
-.verdict h2 { font-size: 18px; font-weight: 500; margin: 0; }
-.verdict p { margin: 2px 0 0; }
-.quiet { opacity: .72; }
-.tables { display: flex; flex-wrap: wrap; gap: 8px 36px; }
-.tables > div { overflow-x: auto; }
-th, td { white-space: nowrap; }
-.tables p { max-width: 430px; margin: 4px; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th { text-align: right; font-weight: 500; opacity: .72; padding: 3px 10px;
-     border-bottom: 2px solid rgba(128,128,128,.35); }
-td { text-align: right; padding: 3px 10px; border-bottom: 1px solid rgba(128,128,128,.18); }
-th:first-child, td:first-child { text-align: left; padding-left: 4px; }
-td.off { font-weight: 700; box-shadow: inset -3px 0 0 #e8862e; }
-"""
+_STYLE = Path(__file__).with_name("consistency.css").read_text("utf-8")
 
 DOUBTFUL = 0.01
 """Probability of being white below which a channel is marked."""

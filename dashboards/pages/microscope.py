@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,28 +22,7 @@ if TYPE_CHECKING:
 
 LATE = 1.5
 """Intervals of the fixes after a fix from which it is said that there was none since."""
-_STYLE = """
-:host { font: 14px/1.5 Roboto, sans-serif; }
-.update { display: flex; flex-wrap: wrap; gap: 6px 32px; }
-section { min-width: 0; max-width: 100%; flex: 0 1 auto; } section.wide { flex-basis: 100%; }
-h3 { font-size: 15px; font-weight: 500; margin: 6px 0 4px; }
-p, ul { margin: 2px 0; } ul { padding-left: 20px; }
-dl { margin: 0; display: grid; grid-template-columns: max-content minmax(0, 1fr); gap: 2px 14px; }
-dt { font-style: italic; } dd { margin: 0; max-width: 620px; overflow-wrap: anywhere; }
-.box { overflow-x: auto; max-width: 100%; }
-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
-th, td { text-align: right; padding: 2px 8px; white-space: nowrap; }
-th { font-weight: 500; opacity: .8; }
-td { border-bottom: 1px solid rgba(128,128,128,.18); }
-th:first-child { text-align: left; padding-left: 0; }
-.correlations { font-size: 11px; line-height: 1.15; }
-.correlations td { min-width: 27px; height: 26px; padding: 0 2px; text-align: center;
-                   border: 1px solid rgba(128,128,128,.18); }
-.correlations tr:first-child th { text-align: center; padding: 0 2px; }
-td.sigma { font-weight: 700; } td.sigma span { display: block; font-weight: 400; font-size: 10px; }
-@container stage (min-width: 1500px) { section.wide { flex-basis: auto; } }
-@media (max-width: 480px) { dl { grid-template-columns: minmax(0, 1fr); } dd { margin-bottom: 4px; } }
-"""
+_STYLE = Path(__file__).with_name("microscope.css").read_text("utf-8")
 
 
 class Microscope(ComputedPage):

@@ -4,27 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from dashboards.seen_names import as_seen
 from lab.experiment.result import Result
 
-TABLE_STYLE = """
-:host { overflow-x: auto; }
-table { border-collapse: collapse; font: 14px/1.5 Roboto, sans-serif; min-width: min(560px, 100%); }
-th { text-align: right; font-weight: 500; opacity: .7; padding: 6px 14px;
-     border-bottom: 2px solid rgba(128,128,128,.35); }
-td { text-align: right; padding: 6px 14px; border-bottom: 1px solid rgba(128,128,128,.18);
-     font-variant-numeric: tabular-nums; }
-th:first-child, td:first-child { text-align: left; padding-left: 4px; }
-td.unit, th.unit, td.words, th.words { text-align: left; opacity: .7; }
-td.words { min-width: 260px; }
-th, td:not(.words) { white-space: nowrap; }
-tr.group td { border-top: 2px solid rgba(128,128,128,.25); }
-@media (max-width: 600px) { table { font-size: 13px; } th, td { padding: 6px 5px; } }
-p { opacity: .75; margin: 0 0 12px; }
-ul { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 14px 0; padding-left: 20px; opacity: .85; }
-"""
+TABLE_STYLE = Path(__file__).with_name("summary.css").read_text("utf-8")
 
 
 def summary_html(result: Result) -> str:

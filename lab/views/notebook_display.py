@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from bokeh.models import CustomJS
@@ -20,20 +21,7 @@ from bokeh.plotting import figure
 
 from lab.base.progress import Progress
 
-FOLLOW = """
-const view = Bokeh.index.find_one(cb_obj);
-if (view == null || view.el.dataset.followsTheme) return;
-view.el.dataset.followsTheme = "yes";
-const colour = "--jp-widgets-label-color";
-if (document.body.dataset.jpThemeLight && !getComputedStyle(document.body).getPropertyValue(colour))
-  document.body.style.setProperty(colour, "var(--jp-ui-font-color1)");
-const dress = () => {
-  const dark = document.body.dataset.jpThemeLight === "false";
-  view.el.style.filter = dark ? "invert(0.92) hue-rotate(180deg)" : "";
-};
-new MutationObserver(dress).observe(document.body, {attributeFilter: ["data-jp-theme-light"]});
-dress();
-"""
+FOLLOW = Path(__file__).with_name("notebook_display.js").read_text("utf-8")
 """Turns the lightness of a figure and keeps its hues; white becomes the dark grey of JupyterLab's cells."""
 _EVENT = "change:inner_width"
 

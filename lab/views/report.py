@@ -40,22 +40,7 @@ BUCKETS = 330
 WIDTH, LINE = 330, 205
 """Width of a plot, and height of a line of three [px]."""
 
-_STYLE = """
-body { margin: 0 auto; padding: 18px; max-width: 1024px; background: #fff; color: #1d2430;
-       font: 14px/1.5 Roboto, "Helvetica Neue", Arial, sans-serif; }
-h1 { font-size: 22px; font-weight: 500; margin: 0 0 4px; }
-h2 { font-size: 17px; font-weight: 500; margin: 22px 0 6px; border-bottom: 1px solid #d5dae1; }
-p { margin: 6px 0; }
-.quiet { color: #5c6675; }
-.plots { display: flex; flex-wrap: wrap; gap: 8px; break-inside: avoid; }
-.tables { display: flex; flex-wrap: wrap; gap: 8px 36px; align-items: start; }
-table { border-collapse: collapse; font-size: 12px; font-variant-numeric: tabular-nums; }
-th, td { padding: 2px 9px; border: 0; border-bottom: 1px solid #e3e7ec; text-align: right; }
-th:first-child, td:first-child { text-align: left; }
-pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 11px; line-height: 1.35; columns: 2; }
-@page { size: A4; margin: 12mm; }
-@media print { body { zoom: 0.68; padding: 0; } h2 { break-after: avoid; } tr { break-inside: avoid; } }
-"""
+_STYLE = Path(__file__).with_name("report.css").read_text("utf-8")
 
 
 def report_html(result: Result, notes: Sequence[tuple[float, float, str]] = ()) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from html import escape
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import panel as pn
@@ -20,22 +21,7 @@ from lab.classroom.exercises.exercise import Outcome
 from lab.classroom.lessons.lesson import Answer, Lesson, Step
 from lab.classroom.lessons.text import text_html
 
-TEXT = """
-:host { max-width: 46em; }
-div.step { font: 16px/1.6 Roboto, sans-serif; overflow-wrap: anywhere; }
-h2 { font: 500 21px/1.35 Roboto, sans-serif; margin: 6px 0 8px; }
-div.step.where, .where { font-size: 14px; opacity: .75; } .count { white-space: nowrap; }
-b.field { font-weight: 500; border-bottom: 1px dotted currentColor; }
-.done { color: color-mix(in srgb, #1a8f4c 65%, currentColor); font-weight: 500; opacity: 1; }
-p { margin: 0 0 12px; } ul { margin: 0 0 12px; padding-left: 22px; }
-code { font: 14px/1.4 "Roboto Mono", monospace; background: rgba(128,128,128,.16); border-radius: 3px;
-       padding: 1px 4px; }
-math, math * { font-family: math !important; }  /* a font of text has no roots, fractions and accents */
-math { font-size: 1.08em; } math[display="block"] { margin: 4px 0; overflow: auto hidden; }
-.said { border-left: 4px solid #777; padding: 4px 12px; margin: 4px 0; }
-.said.right { border-color: #1a8f4c; } .said.wrong { border-color: #d0702e; }
-.said p { margin: 0; }
-"""
+TEXT = Path(__file__).with_name("step_view.css").read_text("utf-8")
 CHOICES = {"& .MuiFormControlLabel-label": {"whiteSpace": "normal", "lineHeight": 1.35, "padding": "5px 0"}}
 """Style of the choices: long ones wrap on a phone."""
 BUTTONS = ":host { flex-wrap: wrap; }"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from lab.classroom.gallery.faults import FAULTS
@@ -15,19 +16,7 @@ from lab.classroom.homework.homework import Judge, Solution
 from lab.classroom.homework.homework_file import Keyed
 from lab.classroom.lessons.text import text_html
 
-_STYLE = """
-body { font: 11pt/1.4 Roboto, "Helvetica Neue", Arial, sans-serif; color: #000; background: #fff;
-       max-width: 190mm; margin: 12mm auto; padding: 0 4mm; }
-h1 { font-size: 17pt; margin: 0 0 2mm; } h2 { font-size: 13pt; margin: 7mm 0 2mm; break-after: avoid; }
-table { border-collapse: collapse; width: 100%; }
-th, td { border: 1px solid #888; padding: 1mm 2mm; text-align: left; vertical-align: top;
-         overflow-wrap: anywhere; }
-tr, .question { break-inside: avoid; }
-th { background: #eee; } code { font-size: 95%; }
-.right { font-weight: 600; } .points { white-space: nowrap; }
-.scroll { overflow-x: auto; }
-@page { size: A4; margin: 14mm; } @media print { body { margin: 0; padding: 0; max-width: none; } }
-"""
+_STYLE = Path(__file__).with_name("solutions_sheet.css").read_text("utf-8")
 
 
 def solutions_html(keyed: Keyed, students: Sequence[str] = ()) -> str:
