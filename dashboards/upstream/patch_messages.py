@@ -65,6 +65,7 @@ class PageSerializer(Serializer):
         """Return the reference to a model that the browser has from here on; None for anything else."""
         found = self._references.get(id(obj))
         if found is None and isinstance(obj, Model) and self._models.get(obj.id) is obj:
+            # The browser has not got a new model yet, so it is written whole.
             return None if obj in self._new else obj.ref
         return found
 

@@ -153,6 +153,7 @@ def _remember_accepted() -> None:
             return prepare_any(declared, owner, name, value, hint=hint)
         # The declaration is kept, so that no other gets its number.
         known = accepted.setdefault(id(declared), (declared, set()))[1]
+        # With the type, since True, 1 and 1.0 are equal.
         key = type(value), value
         if key in known:
             return value
@@ -172,6 +173,7 @@ def _remember_arguments() -> None:
 
     def count(fn: Callable[..., Any]) -> int:
         method, given = (fn.func, len(fn.args)) if isinstance(fn, partial) and not fn.keywords else (fn, 0)
+        # A bound method is another object each time it is looked up; its function is not.
         function = getattr(method, "__func__", None)
         if function is None:
             return count_any(fn)
@@ -218,6 +220,7 @@ def cut_cycles() -> None:
         vars(callback)["_callback"] = None
 
     def add_and_forget(group: _CallbackGroup, callback: Callable[[], Any], callback_id: ID) -> ID:
+        # The loop keeps `run` until its turn: a removal empties the list, which lets go of the page.
         waiting = [callback]
 
         def run() -> Any:
@@ -289,6 +292,7 @@ class TransformedPages:
         write, transform, applications = DocHandler.write, self._transform, self._applications
 
         def write_transformed(handler: DocHandler, chunk: Any) -> None:
+            # An answer is written in several calls, and gets the transform once.
             known = handler._transforms
             if handler.application_context in applications and not any(
                 isinstance(one, transform) for one in known

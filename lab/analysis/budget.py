@@ -238,6 +238,7 @@ class _Propagation:
         self.widths += [1] * len(known)
         self.columns = np.zeros((self.estimates.stop, sum(self.widths)))
         self.columns[:n, : self.drawn] = np.concatenate([source.start for source in constants], axis=1)
+        # The sources are errors of the output, north, east, down; what is propagated are errors in e.
         self.columns[:NAV] = np.linalg.solve(self._maps(np.zeros(1, dtype=np.int64))[0], self.columns[:NAV])
         errors = run.experiment.sensors.gps
         bad = mask_within(errors.quality_steps, run.fixes.time)
@@ -301,8 +302,10 @@ class _Propagation:
         for state, of, by in coupled_states(self.blocks):
             A[:NAV, state] = step.coupled[:, of, by]
         kept = self.kept ** (last - first)
+        # Φ_f − Φ: what a decaying estimate does, less what a constant error does.
         response[:, self.acting] = step.fading - response[:, self.acting]
         A[:NAV, estimates] = response[:, self.decaying]
+        # b̂ − b shrinks with b̂; what the true bias does is c.
         A[self.decaying, estimates] = np.diag(kept - 1)
         A[estimates, estimates] = np.diag(kept)
         self.columns = A @ self.columns
@@ -312,6 +315,7 @@ class _Propagation:
         B[:, : estimates.stop, : estimates.stop] = A
         Q = np.zeros_like(self.P)
         imu = len(self.inertial)
+        # c in P is that of the last sample before, one decay from the first one here.
         B[:imu, :NAV, own] = self.sampled.decay[:, None, None] * step.process
         Q[:imu, :NAV, :NAV] = step.covariance
         Q[:imu, :NAV, own] = step.cross
@@ -357,6 +361,7 @@ class _Propagation:
         for p, source in enumerate(self.processes):
             if source.channel in update.noise:
                 grade = self.grade[fix] if source.graded else 1.0
+                # The innovation sees H e − v, and v is c of this source.
                 F[p, :, self.own] = -grade * update.noise[source.channel]
         # (I − G F) P (I − G F)ᵀ
         self.P = self.P - G @ (F @ self.P)
@@ -373,6 +378,7 @@ class _Propagation:
         T[:NAV, :NAV] = self.map[sample]
         states = self.columns[:n].copy()
         for column, series in enumerate(self.known, self.drawn):
+            # b̂ − b has minus the bias itself, that of the sample that ends here.
             if series.is_bias:
                 states[NAV:N, column] += series.inertial[max(sample - 1, 0)]
         squares = (T @ states) ** 2
@@ -431,6 +437,7 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
 
     names = list(dict.fromkeys(sources))
     if len(names) < len(sources):
+        # Processes of one name are one source: the stages of flicker, or both effects of vibration.
         variance = np.stack([variance[[name == source for source in sources]].sum(axis=0) for name in names])
     units = quantities(run.blocks)
     scale = shown_scales(run.blocks)

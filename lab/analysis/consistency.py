@@ -84,6 +84,7 @@ def _whiten(values: FloatArray, P: FloatArray, least: float) -> bool:
             if not P[e, i, i] > 0:
                 return False
             scale[i] = 1 / math.sqrt(P[e, i, i])
+            # Cholesky of the correlations: what is left of 1 is what the states before do not explain.
             diagonal = 1.0
             for j in range(i):
                 entry = P[e, i, j] * scale[i] * scale[j]

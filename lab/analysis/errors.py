@@ -70,7 +70,9 @@ def attitude_error(q_nb: FloatArray, truth_q_nb: FloatArray) -> FloatArray:
     )
     length = np.linalg.norm(vector, axis=-1)
     angle = 2 * np.arctan2(length, np.abs(scalar))
+    # 2 is the limit of angle over length where both vanish.
     factor = np.divide(angle, length, out=np.full_like(length, 2.0), where=length > 1e-12)
+    # q and −q are one rotation: of the two, that by less than half a turn.
     return np.asarray(-vector * (factor * np.sign(scalar + (scalar == 0)))[:, None])
 
 
@@ -127,6 +129,7 @@ def _error_near_pole(solution: Solution, samples: NDArray[np.int64], truth: Trut
     """
     here, velocity_n = solution.position[samples], solution.velocity_n[samples]
     C_ec, C_en = ecef.axes(here[:, 0], here[:, 1]), ecef.axes(truth.latitude, truth.longitude)
+    # Displacements are in the axes of the first place, and these errors are in those of the estimate.
     off = -ecef.displacement(here, truth.position)
     faster = velocity_n - ecef.resolve_elsewhere(truth.velocity_n, truth.position, here)
     true_attitude = Rotation.from_matrix(C_ec.transpose(0, 2, 1) @ C_en) * Rotation.from_quat(

@@ -142,6 +142,7 @@ def _sum_velocity_increments(solution: Solution, ends: NDArray[np.intp], imu: Im
         _add_resolved(of_kernel(solution.q_nb[1:][part]), of_kernel(imu.dvelocity[part]), running)
         here = (ends >= first) & (ends <= last)
         sums[here] = running[ends[here] - first]
+        # The next block goes on with the sum of this one.
         running[0] = running[last - first]
     return sums
 
@@ -176,8 +177,10 @@ def error_per_cause(motion: MotionAtFixes) -> FloatArray:
     + C_nb (ω × l) (Groves 14.3).
     """
     causes = np.empty((*motion.velocity.shape[:-1], 6, CAUSES))
+    # A late fix shows where the vehicle was before.
     causes[..., POS, 0], causes[..., VEL, 0] = -motion.velocity, -motion.acceleration
     causes[..., POS, 1:] = motion.C_nb
+    # ω × l.
     causes[..., VEL, 1:] = motion.C_nb @ _skew(motion.rate_b)
     return causes
 
@@ -391,6 +394,7 @@ def _respond(
     for k in range(len(gains)):
         _copy(forced[k], 1.0, before)
         add_product(transition[k], error, 1.0, before)
+        # The innovation is H e − v, and e⁺ = e − K (H e − v).
         _copy(fixes[k], -1.0, answer[k])
         add_product(H[k], before, 1.0, answer[k])
         _copy(before, 1.0, error)

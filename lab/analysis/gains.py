@@ -74,7 +74,9 @@ def choose_epochs(run: Run) -> Epochs:
     order = np.argsort(sample, kind="stable")
     sample = sample[order]
     fix, aid = np.full((2, sample.size), -1)
+    # In the order of `sample` before it is sorted.
     aid[: aids.size], fix[aids.size : aids.size + fixes.size] = aids, fixes
+    # Of the rows of one sample only the last is shown, after all its measurements.
     last = np.append(np.diff(sample) > 0, True)
     return Epochs(sample, fix[order], aid[order], last & np.isin(sample, np.concatenate((at_fix, grid))))
 
@@ -154,6 +156,7 @@ def _maps_before(run: Run, aids: NDArray[np.int64]) -> FloatArray:
     there = solution.position[before]
     velocity_e = np.einsum("nij,nj->ni", ecef.axes(*there[:, :2].T), solution.velocity_n[before])
     step = (run.time[samples] - run.time[before])[:, None]
+    # The estimate before the corrections is not kept; that of one sample earlier, moved on, is close.
     r_e = ecef.position(there) + step * velocity_e
     maps = _output_map_at(r_e, velocity_e)
     x = solution.aid_gain[aids, :NAV] * solution.aid_innovation[aids, None]
@@ -269,6 +272,7 @@ def _aid_update(run: Run, aid: int, here: FloatArray) -> Update:
     sensor = SENSORS.get(kind)
     noise = {SENSOR_CHANNELS[sensor]: np.array([[1.0, 0.0, 0.0]])} if sensor else {}
     if kind == AIRSPEED:  # a change of the wind changes what is measured as H says
+        # Its two components act through H of the wind's states; the third one of c is not used.
         noise[WIND] = np.append(H[blocks.find_states(run.blocks, blocks.WIND)], 0.0)[None]
     turn = is_corrected(run) * K[ATT] * solution.aid_innovation[aid]
     return Update(H[None], K[:, None], noise, turn)

@@ -96,6 +96,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
         _errors_with_noise(experiment, name, errors, measured.saturated > 0, ideal, temperature),
     ):
         inertial = np.zeros((ideal.dtheta.shape[0], 6))
+        # With the sign of an error of the estimated bias: too large an output is too small an estimate.
         inertial[:, 3 * number : 3 * number + 3] = -difference / ideal.dt
         none = np.zeros((run.fixes.time.size, 6)), np.zeros(run.aids.time.size)
         found.append(Series(f"{name} {source}", inertial, *none, is_bias))
@@ -117,6 +118,7 @@ def _errors_on_the_true_flight(
         is_state = term == "g_sensitivity" and GYRO_G in run.blocks
         if not _has_error(errors, term) or compensated or is_state:
             continue
+        # A triad with this error alone, and so wide a range that nothing saturates.
         quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
         quiet.set(term, getattr(errors, term))
         alone = imu.measure(true, ideal.dt, quiet, _NONE, environment).increments - true
@@ -193,6 +195,7 @@ def _of_fixes(run: Run) -> list[Series]:
     is_assumed = latency == errors.latency and np.array_equal(assumed, si(errors, "lever_arm"))
     if not fixes.time.size or is_assumed:
         return []
+    # Fixes in outages were drawn too, so that a fix has the draw of its number.
     number = np.round(fixes.time / errors.period).astype(np.int64)
     times = errors.period * np.arange(1.0, number[-1] + 1)
     position, velocity = gps.noise(times, errors, gps.GpsDraws.of(run.experiment.seed, times.size))
@@ -204,6 +207,7 @@ def _of_fixes(run: Run) -> list[Series]:
         axis=1,
     )
     no_inertial, no_aids = np.zeros((run.time.size - 1, 6)), np.zeros(run.aids.time.size)
+    # What latency and lever arm did, less what the filter allows for.
     moved = (
         moved - _displacement_at(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, assumed)
     )
@@ -232,6 +236,7 @@ def _of_aids(run: Run) -> list[Series]:
     for errors, first, speeds in ((slip, FORWARD, of_place), (motion, NORTHWARD, velocity)):
         for axis in range(3):
             those = kind == first + axis
+            # Forward, the value is a reading with errors of its own; the others assume zero.
             if first + axis != FORWARD:
                 errors[those] = value[those] - speeds[those, axis]
     magnetic = kind == MAGNETIC
@@ -271,6 +276,7 @@ def _lever_arm(run: Run, times: FloatArray, arm: FloatArray) -> FloatArray:
     C_nb = C_nb_from_euler(truth.taken(at).euler)
     sine, cosine = np.sin(truth.latitude[at]), np.cos(truth.latitude[at])
     omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
+    # The antenna moves relative to the Earth with ω_eb, while gyros measure ω_ib.
     omega_eb_b = ideal.dtheta[at - 1].astype(np.float64) / ideal.dt - np.einsum(
         "mij,mi->mj", C_nb, omega_ie_n
     )

@@ -146,6 +146,7 @@ class LowPass(NamedTuple):
 
 def _smoothing(f: FloatArray, cut: float) -> FloatArray:
     a = np.exp(-2 * np.pi * cut)
+    # |H|² of y ← a y + (1 − a) x.
     return np.asarray((1 - a) ** 2 / (1 - 2 * a * np.cos(2 * np.pi * f) + a**2))
 
 
@@ -159,6 +160,7 @@ def _sampled_power(f: FloatArray, cut: float) -> FloatArray:
     """Return the power of an analogue Butterworth filter with that of the frequencies which fold into it."""
 
     def folded(f: FloatArray) -> FloatArray:
+        # It falls with f⁻⁴: from beyond three sampling rates, less than a thousandth folds back.
         return np.asarray(sum(1 / (1 + ((f + k) / cut) ** 4) for k in range(-3, 4)))
 
     return folded(f) / folded(np.zeros(1))
@@ -264,6 +266,7 @@ def _spectrum(rates: FloatArray) -> _Spectrum:
     weight[:whole] = (parts < _LINE / np.log(2) * np.median(parts, axis=1, keepdims=True)).reshape(whole, -1)
     # Bands of the same relative width, and further up of the same width.
     band = np.where(f < 1 / (2 * _MOST_BANDS * _WIDTH), np.log(f) / np.log1p(_WIDTH), 0.0)
+    # Numbers of bands of the second kind begin at a million, where none of the first is.
     band = np.where(f < 1 / (2 * _MOST_BANDS * _WIDTH), np.floor(band), 1e6 + np.floor(f * 2 * _MOST_BANDS))
     starts = np.flatnonzero(np.append(True, np.diff(band) != 0))
     counts = np.diff(np.append(starts, len(f))).astype(np.float64)

@@ -187,6 +187,7 @@ def fit(fixes: FixSeries) -> AxisErrors:
     longest = max(LONGEST_PART * float(np.ptp(fixes.time)), 2 * SHORTEST)
     first = _initial_factors(fixes, kinds, has_velocity=has_velocity)
 
+    # x: logarithms of a factor for each kind, of velocity, of the motion, and of σ and τ of a slow error.
     def errors(x: FloatArray, *, slow: bool) -> AxisErrors:
         # A factor on the claimed σ, below which rounding leaves nothing.
         size = scale * math.exp(x[-2]) if slow else 0.0
@@ -370,8 +371,10 @@ def expected_squares(squares: FloatArray, degrees: FloatArray, memory: float) ->
         Number of fixes over which the squares are averaged, with weights that fall exponentially.
     """
     gain = 1 / memory
+    # Clipped, so that one outlier does not open the gate for those after it.
     found = np.clip(squares / np.maximum(degrees, 1), LEAST_SQUARE, OUTLIER**2)
     found = np.where(degrees > 0, found, 1.0)
+    # m ← m + (x − m) / memory, from 1 on.
     mean, _ = lfilter([gain], [1.0, gain - 1.0], found, zi=np.array([1.0 - gain]))
     return np.concatenate(([1.0], mean[:-1]))
 
@@ -426,6 +429,7 @@ def _move(
             P[i, j] = 0.0
             for m in range(4):
                 P[i, j] += work[i, m] * F[j, m]
+    # White jerk, integrated exactly to acceleration, velocity and position.
     P[0, 0] += motion * dt**5 / 20
     P[0, 1] += motion * dt**4 / 8
     P[1, 0] = P[0, 1]
@@ -457,6 +461,7 @@ def _follow(
     x, P, F = np.zeros(4), np.zeros((4, 4)), np.eye(4)
     work, column = np.zeros((4, 4)), np.zeros(4)
     x[0] = position[0]
+    # Unknown: 10 km, 100 m/s, 10 m/s²; the slow error is in its steady state.
     P[0, 0], P[1, 1], P[2, 2], P[3, 3] = 1e8, 1e4, 1e2, slow * slow
     total = 0.0
     for k in range(position.size):
@@ -467,6 +472,7 @@ def _follow(
             if not np.isfinite(value):
                 continue
             r = white[k] if part == 0 else fast[k]
+            # The slow error is one of positions only.
             share = 1.0 if part == 0 else 0.0
             S = r * r
             for i in range(4):

@@ -164,6 +164,7 @@ def _write(flight: FlightArrays, k: int, F: FloatArray) -> None:
         u, v, w = C_en[i]
         for j in range(3):
             a, b, d = C_en[j]
+            # Gravity changes its size along down with latitude and height, and turns with the place by g / R.
             F[V + i, P + j] = w * (slope * a - by_height * d) - north * u * a - east * v * b
             C = u * C_nb[0][j] + v * C_nb[1][j] + w * C_nb[2][j]
             F[V + i, B + j], F[A + i, G + j] = -C, C
@@ -204,6 +205,7 @@ def _respond(
             r[i, j] = dt * total
             out.bias[i, j] += r[i, j]
             for a in range(3):
+                # Increments are rates times Δt already, so that Δt is not in `total`.
                 out.coupled[i, j, a] += total * flight.dtheta[k, a]
                 out.coupled[i, j, 3 + a] += total * flight.dvelocity[k, a]
         for b in range(fade.size):
@@ -215,6 +217,7 @@ def _respond(
                 total += L[i, m] * F[m, j]
             row[j] = total
         for j in range(NAV):
+            # L (I + F Δt): the sample comes before all that L has.
             L[i, j] += dt * row[j]
 
 

@@ -122,6 +122,7 @@ class Datum:
 
     def in_unit(self, unit: str) -> Any:
         """Return the number, or one for each axis as a list, in the unit of its setting."""
+        # A one-sided density has the power of both sides at positive frequencies: twice as much.
         fold = math.sqrt(2) if self.density == ONE_SIDED else 1.0
         if self.unit == unit and fold == 1.0:
             return list(self.value) if isinstance(self.value, tuple) else self.value

@@ -217,6 +217,7 @@ class GpsFixes(NamedTuple):
 def fix_times(errors: GpsErrors, duration: float) -> FloatArray:
     """Return the times of all fixes of a flight, those in outages included [s]."""
     period = errors.period
+    # A fix at the very end counts, even if the quotient is rounded down.
     return period * np.arange(1.0, int(duration / period + 1e-9) + 1)
 
 
@@ -241,6 +242,7 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
         Time stamps of the fixes [s]; for times below the latency, the start of the flight is returned.
     """
     lever_arm = si(errors, "lever_arm")
+    # Before the start there is no flight; `measure` leaves these fixes out.
     seen = np.maximum(times - errors.latency, 0.0)
     truth = trajectory.at(seen)
     if not lever_arm.any():
@@ -248,6 +250,7 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
     C_nb = rotation.C_nb_from_euler(truth.euler)
     sine, cosine = np.sin(truth.latitude), np.cos(truth.latitude)
     omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
+    # The antenna moves relative to the Earth with ω_eb, while the rates are ω_ib.
     omega_eb_b = trajectory.rates(seen)[0] - np.einsum("mij,mi->mj", C_nb, omega_ie_n)
     latitude, longitude, height = displaced(truth.position, C_nb @ lever_arm).T
     velocity_n = truth.velocity_n + np.einsum("mij,mj->mi", C_nb, np.cross(omega_eb_b, lever_arm))

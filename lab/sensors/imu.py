@@ -146,8 +146,11 @@ def measure(
     scale, by_temperature = np.diag(M), si(errors, "scale_temperature")
     if by_temperature.any():
         warming = by_temperature * _above_reference(environment.temperature)
+        # M is constant at 25 °C; the temperature adds to its diagonal, sample by sample.
         scale, increments, bias = scale + warming, increments + warming * biased, bias + warming * drifting
+    # A lag starts settled on the noiseless output: the sensor was on before the first sample.
     settled = increments[0].copy()
+    # White noise of density N has σ N √Δt in an integral over Δt.
     increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
     _lag(increments, settled, si(errors, "bandwidth") * dt, memory.lag)
     limit = float(si(errors, "range")) * dt

@@ -123,6 +123,7 @@ def outages() -> Intervals:
 
 def reading_times(period: float, duration: float) -> FloatArray:
     """Return the times of all readings of a flight, the first one period after the start [s]."""
+    # A reading at the very end counts, even if the quotient is rounded down.
     return period * np.arange(1.0, int(duration / period + 1e-9) + 1)
 
 

@@ -105,6 +105,7 @@ class _Model(NamedTuple):
         off = fields @ self.basis - centre
         along = off @ T.T
         along /= np.linalg.norm(along, axis=1)[:, None]
+        # ∂|T (x − c)| / ∂c = −Tᵀ u with the unit vector u, and T is symmetric.
         columns = [-along @ T]
         if self.shaped:
             columns.append(
@@ -117,6 +118,7 @@ class _Model(NamedTuple):
         """Return the parameters of fields (n, 3)."""
         seen = fields @ self.basis
         middle = seen.mean(axis=0)
+        # |x|² = 2 c·x + r² − |c|² is linear in the centre c: a start without iterations.
         A = np.column_stack((2 * (seen - middle), np.ones(len(seen))))
         found = np.linalg.lstsq(A, ((seen - middle) ** 2).sum(axis=1), rcond=None)[0]
         size = np.sqrt(max(found[-1] + found[:-1] @ found[:-1], np.finfo(np.float64).tiny))
@@ -133,6 +135,7 @@ def _traceless(d: int) -> FloatArray:
     found = []
     for k in range(1, d):
         one = np.zeros((d, d))
+        # 1, …, 1, −k: each of these is orthogonal to those before.
         one[np.arange(k), np.arange(k)], one[k, k] = 1.0, -float(k)
         found.append(one / np.sqrt(k * (k + 1) / 2))
     for row in range(d):

@@ -315,6 +315,7 @@ def _find_likely_angles(
                 "ins-lab import --axes, or mounting_deg in log.toml"
             )
         covariance = (
+            # A sandwich: σ of the scores as they are, not as the filter assumes.
             inverse @ (_score_covariance(base.time[used], scores, information) + np.diag(prior)) @ inverse
         )
         if (np.abs(change) < LIMITS.settled * np.sqrt(np.diagonal(covariance))).all():

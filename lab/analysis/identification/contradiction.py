@@ -143,6 +143,7 @@ def _is_large(finding: Finding) -> bool:
 def _find_onset(outcome: Outcome, stamps: FloatArray) -> float:
     """Return the time from which the innovations are too large, while they are right before [s]."""
     rows = outcome.degrees > 0
+    # From each fix to the end.
     squares_after = np.cumsum(outcome.nis[rows][::-1])[::-1]
     number_after = np.cumsum(outcome.degrees[rows][::-1])[::-1]
     worth = [
@@ -400,6 +401,7 @@ def _is_noise(run: Repeatable, whole: Trials, stated: Candidate) -> bool:
     for change in stated.changes:
         if change.path not in ("navigator.q", "navigator.q_scale"):
             continue
+        # Only white noise can be compared with samples; drives of biases are in the rows after it.
         first, last = change.rows or _WHITE
         rows = range(first, min(last, _WHITE[1]))
         assert isinstance(change.value, float | int)
@@ -436,6 +438,7 @@ def shown_noise(imu: Imu) -> FloatArray:
     for values in (imu.dtheta, imu.dvelocity):
         sums = values[: count * width].astype(np.float64).reshape(count, width, 3).sum(axis=1)
         third = np.diff(sums / np.diff(edges)[:, None], 3, axis=0)
+        # A third difference of white noise has 20 times its variance, and next to nothing of smooth motion.
         found.append(np.median(third**2, axis=0) / MEDIAN_SQUARE / 20 * step)
     return np.concatenate(found)
 

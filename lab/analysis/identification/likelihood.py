@@ -279,6 +279,7 @@ def interval(
         Index of the parameter, which must not be a held one.
     """
     start, prior = (np.array([getattr(one, name) for one in parameters]) for name in ("start", "prior"))
+    # Along it, the other parameters are the likeliest for each value of this one.
     direction = estimate.covariance[:, index] / estimate.covariance[index, index]
     sigma = float(estimate.sigma[index])
     # √(2 · 1.92) = 1.96, longer where the innovations are correlated.
@@ -364,7 +365,9 @@ def _slopes(
     relative = inverse @ dS  # S⁻¹ ∂S
     trace = np.trace(relative, axis1=-2, axis2=-1)
     quadratic = np.einsum("mi,pmij,mj->pm", white, dS, white, optimize=True)
+    # −∂νᵀ S⁻¹ ν + ½ (νᵀ S⁻¹ ∂S S⁻¹ ν − tr S⁻¹ ∂S) of each fix.
     scores = -np.einsum("pmi,mi->pm", dnu, white) + 0.5 * (quadratic - trace)
+    # ∂νᵀ S⁻¹ ∂ν + ½ tr(S⁻¹ ∂S S⁻¹ ∂S), summed over the fixes.
     information = np.einsum("pmi,mij,qmj->pq", dnu, inverse, dnu, optimize=True)
     information = information + 0.5 * np.einsum("pmij,qmji->pq", relative, relative, optimize=True)
     return _Slopes(scores.T, information)

@@ -223,6 +223,7 @@ def _of_lever_arm(lever_arm: FloatArray, truth: Truth, dtheta: FloatArray, times
     times = np.clip(times, time[0], time[-1])
     last = np.clip(np.searchsorted(time, times), 1, count)
     before, after = truth.q_nb[last - 1], truth.q_nb[last]
+    # Of q and −q, the one that is near the attitude before.
     after = np.where(np.sum(before * after, axis=1, keepdims=True) < 0, -after, after)
     step = time[last] - time[last - 1]
     part = ((times - time[last - 1]) / step)[:, None]
@@ -329,6 +330,7 @@ def _whiten(
             variance = ratios[b]
             for k in range(m):
                 fade = left[k] if k > 0 else 0.0
+                # A Kalman filter of the correlated part, in units of the white variance.
                 variance = fade * fade * variance + (1 - fade * fade) * ratios[b]
                 per = 1 / (1 + variance)
                 gain = variance * per

@@ -194,6 +194,7 @@ def _predict(
             )
         w[place.INNOVATION + c] = innovation[c] - _observe_component(w, place.APART, 1, H, c, N, seen)
     for i in range(correction.size):
+        # The filter that ran takes its correction here; that of the hypothesis is added in the update.
         w[place.APART + i] = w[place.APART + i] - correction[i]
 
 
@@ -253,6 +254,7 @@ def _add_likelihood(buffer: FloatArray, first: int, place: Place) -> None:
         for c in range(CHANNELS):
             diagonal = buffer[(first + place.S + c * (CHANNELS + 1)) * LANES + lane]
             proper = proper and diagonal > 0
+            # det S is the product of D: one logarithm instead of six.
             size *= diagonal
         square = buffer[(first + place.SQUARE) * LANES + lane]
         at = (first + place.TOTAL) * LANES + lane
@@ -275,6 +277,7 @@ def _note(buffer: FloatArray, place: Place, nu: FloatArray, S: FloatArray) -> No
 def _note_gain(buffer: FloatArray, place: Place, gain: FloatArray) -> None:
     """Write the gain under the first hypothesis."""
     for i in range(gain.shape[0]):
+        # K L = (P Hᵀ L⁻ᵀ) D⁻¹, solved from the last column back.
         for c in range(CHANNELS - 1, -1, -1):
             total = buffer[(place.SEEN + i * CHANNELS + c) * LANES] * buffer[(place.INVERSE + c) * LANES]
             for d in range(c + 1, CHANNELS):
@@ -286,6 +289,7 @@ def _note_gain(buffer: FloatArray, place: Place, gain: FloatArray) -> None:
 def _square_of_three(nu: FloatArray, S: FloatArray, at: int) -> float:
     """Return the normalised square of three components from `at` on."""
     a, d, e = S[at, at], S[at + 1, at], S[at + 2, at]
+    # L D Lᵀ of three components, written out: a, b and c are D.
     b = S[at + 1, at + 1] - d * d / a
     f = S[at + 2, at + 1] - d * e / a
     c = S[at + 2, at + 2] - e * e / a - f * f / b

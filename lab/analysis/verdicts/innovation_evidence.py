@@ -201,6 +201,7 @@ def _limit(relative: FloatArray) -> float:
     """Return the square of three components beyond which an innovation may be an outlier."""
     if not relative.size:
         return largest_square()
+    # Where all are too large alike, R or Q is wrong, and no fix is an outlier for it.
     usual = float(np.median(np.sum(relative**2, axis=1), axis=0)) / MEDIAN_SQUARE
     return largest_square() * max(usual, 1.0)
 
@@ -214,6 +215,7 @@ def _are_clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
     """Return whether some fixes are closer together than chance puts them one time in 1,000."""
     n, length = int(which.sum()), max(float(np.ptp(times)), 1e-9)
     part = float(np.ptp(times[which])) / length
+    # Distribution of the range of n numbers at random in (0, 1).
     return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < limits.VERDICT.cluster_chance)
 
 
@@ -407,6 +409,7 @@ def is_suspicious(found: Innovations) -> bool:
     count = np.maximum(found.offered.number, 1.0)
     return bool(
         (
+            # Each correlation of m white values has σ 1/√m, and the sum of k of them √(k/m).
             np.abs(after.sum(axis=0)) * np.sqrt(count / after.shape[0]) > limits.VERDICT.correlation_sigmas
         ).any()
         or (np.abs(after[0]) * np.sqrt(count) > limits.VERDICT.correlation_sigmas).any()

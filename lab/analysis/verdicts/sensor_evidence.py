@@ -351,6 +351,7 @@ def _drift(
     count = seen.noise.shape[2]
     density = belief.noise[axis] * rest[:, axis]
     drive, decay = float(belief.noise[6 + axis]), float(belief.decay[axis])
+    # Over T, a drive K² adds K² T / 3 to the variance of a mean, and white noise N² / T.
     hidden = 3 * density / (seen.window * count) ** 2
     base = np.maximum(drive, UNSEEN * hidden)
     power, basis = spectrum(count, seen.window, decay, period)
@@ -423,6 +424,7 @@ def spectrum(count: int, window: float, decay: float, period: float = 0.0) -> tu
     """
     t, turns = (np.arange(count) + 0.5) * window, decay * window
     if decay * t[-1] < SLOW:
+        # Means of a walk over windows: min(t, s) of different ones, t − w / 6 of one with itself.
         covariance = np.minimum(t[:, None], t) - window / 6 * np.eye(count)
     else:
         mean = np.sinh(turns / 2) / (turns / 2)

@@ -338,6 +338,7 @@ def _model(
         (
             force + _G * dt,
             cross.reshape(-1, 9),
+            # Up to the middle of each step: a gyro bias turns all later attitudes by ∫ C dt.
             (cross @ (swing[1:] - 0.5 * C_dt)).reshape(-1, 9),
         ),
         axis=1,
@@ -349,6 +350,7 @@ def _model(
     by_rotation = -here[:, 3:12].reshape(-1, 3, 3)
     by_gyro = here[:, 12:].reshape(-1, 3, 3)
     by_force = -(swing[place] + part[:, :, None] * C_dt[place])
+    # A lag moves the time of comparison: the derivative is the acceleration there.
     by_lag = columns[place, :3] / dt[place]
     return here[:, :3], by_rotation, by_gyro, by_force, by_lag
 

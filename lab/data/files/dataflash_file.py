@@ -185,7 +185,9 @@ class DataFlashFile:
         while at + _HEADER <= end:
             number = data[at + 2]
             following = at + lengths[number]
+            # A type that was not described yet has length 0, and is passed over.
             sound = data[at] == first and data[at + 1] == second and following > at and following <= end
+            # Marks may be in damaged bytes too: it counts where the next message begins right behind.
             if sound and (following + 2 > end or data.startswith(MARKS, following)):
                 kind = kinds[number]
                 if number == FORMAT_TYPE:

@@ -233,6 +233,7 @@ def messages(
     ) as error:  # fmt: skip
         points.broken = str(error) or "a message is longer than the file says"
         return
+    # Length of the header, then that of the content; the checksum stands behind and covers both.
     size = data[0] + int.from_bytes(data[4:8], "little")
     if fitdecode.utils.compute_crc(data[:size]) != int.from_bytes(data[size : size + 2], "little"):
         points.broken = "its checksum is wrong, so some of its numbers may be"

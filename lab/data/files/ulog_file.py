@@ -162,6 +162,7 @@ class ULogFile:
         subscribed: dict[int, Topic | None] = {}
         resumes: list[int] = []
         while at + _HEAD <= end:
+            # The size is that of the content, without the head.
             size, kind = data[at] | data[at + 1] << 8, data[at + 2]
             content, following = at + _HEAD, at + _HEAD + size
             if resumes and following > resumes[0]:
@@ -173,6 +174,7 @@ class ULogFile:
                 if topic is None:
                     at = following
                     continue
+                # Two bytes of the content are the number of the subscription.
                 if topic.size <= size - 2 <= topic.size + _PADDING:
                     topic.places.append(content + 2)
                     at = following
@@ -197,6 +199,7 @@ class ULogFile:
         sync = data.find(SYNC, start) if self._has_sync else -1
         if sync >= 0:
             return sync + len(SYNC)
+        # None follows here, so none follows further on.
         self._has_sync = False
         for first in range(start, end - 2):
             at = first
@@ -213,6 +216,7 @@ class ULogFile:
         """Return where the log goes on after a crash, if it does."""
         if len(message) < _LEAST_FLAGS:
             return []
+        # Flags that a reader must know; bit 0 says that data were appended, at up to three offsets.
         if message[8] & ~1 or any(message[9:16]):
             raise ValueError("it is newer or encrypted, with unknown flags")
         return sorted(

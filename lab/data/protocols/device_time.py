@@ -58,6 +58,7 @@ class WrappingCounter:
         if self._last is None:
             self._last = value
         else:
+            # The nearer way round, forwards or back: messages may be a little out of order.
             half = self._modulus // 2
             self._last += (value - self._last + half) % self._modulus - half
         return self._last

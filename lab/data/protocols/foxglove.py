@@ -112,11 +112,13 @@ def make_messages(solution: SentSolution) -> dict[int, bytes]:
             fix["altitude"] = solution.ellipsoid_height
         covariance = _ENU @ solution.position_covariance @ _ENU.T
         if np.isfinite(covariance).all():
+            # Type 3: the whole covariance is known.
             fix |= {"position_covariance": covariance.ravel().tolist(), "position_covariance_type": 3}
         found[2] = json.dumps(fix, allow_nan=False).encode()
     if solution.has_attitude:
         roll, pitch, heading = solution.euler.tolist()
         C_nb = Rotation.from_euler("ZYX", (heading, pitch, roll), degrees=True).as_matrix()
+        # Forward, left, up to forward, right, down, to north, east, down, to east, north, up.
         turn = Rotation.from_matrix(_ENU @ C_nb @ _FLU).as_quat()
         transform = {
             "timestamp": now,

@@ -57,6 +57,7 @@ class MavlinkEncoder(FrameEncoder):
     def _reading(self, row: np.void) -> bytes:
         packed, now = b"", microseconds(row["time"])
         if np.isfinite(row["heading"]):
+            # 0 means unknown: north is 36,000.
             yaw = round(1e2 * math.degrees(row["heading"])) % 36_000 or 36_000
             unknown = (NO_FIX, 0, 0, 0, _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, 255, 0, 0)
             spread = round(1e5 * math.degrees(known_fields(row, "heading_sigma")[0]))
@@ -64,6 +65,7 @@ class MavlinkEncoder(FrameEncoder):
         if np.isfinite(row["speed"]):
             speed = float(row["speed"])
             before, slow, distance = self._wheel or (now, speed, 0.0)
+            # A wheel counts its way: the speed is integrated by the trapezoidal rule.
             distance += (speed + slow) / 2 * (now - before) * 1e-6
             self._wheel = now, speed, distance
             packed += self._pack_message(self._link.wheel_distance_encode(now, 1, [distance, *[0.0] * 15]))
@@ -116,6 +118,7 @@ class MavlinkSolution:
         """Return the messages of a solution; HEARTBEAT and SYSTEM_TIME once a second."""
         if not solution.time >= self._begun:  # the first one, or the clock was set back
             self._begun, self._beaten = solution.time, -math.inf
+        # 32 bits of milliseconds begin anew after 49 days.
         link, boot = self._link, round(1e3 * (solution.time - self._begun)) % 2**32
         messages = []
         if solution.time - self._beaten >= HEARTBEAT_PERIOD:

@@ -191,6 +191,7 @@ class Nmea(Framing):
         """Take what a sentence says, and add the fix it completes; return whether it is one that is read."""
         kind = _name(frame)
         least, names = _CELLS.get(kind, (0, []))
+        # "$GPGGA," has seven bytes.
         cells = frame[_NAME if kind == _UBLOX else 7 : -_CHECK].split(b",")
         if not names or len(cells) < least or frame[1:3] == b"VN":
             return False
@@ -249,6 +250,7 @@ class Nmea(Framing):
             return
         said = [epoch.said[kind] for kind in SENTENCES if kind in epoch.said]
         latitude, longitude = next((place for one in said if (place := _read_place(one))), (NAN, NAN))
+        # Reversed, so that the first sentence has the last word.
         cells = {name: cell for one in reversed(said) for name, cell in one.items() if cell}
         altitude, geoid, satellites, north, east, up, speed, course = (
             _number(cells.get(name, b"")) for name in _NUMBERS
@@ -257,10 +259,12 @@ class Nmea(Framing):
         if math.isnan(self.geoid):
             self.geoid = geoid
         self._last_geoid = self._last_geoid if math.isnan(geoid) else geoid
+        # Sentences give the height above sea level, and the geoid above the ellipsoid.
         height = altitude + (0.0 if math.isnan(self._last_geoid) else self._last_geoid)
         ellipsoid, kmh, radius, down = (_number(cells.get(name, b"")) for name in _OF_UBLOX)
         if above_ellipsoid := math.isfinite(ellipsoid) and math.isnan(self._last_geoid):
             height = ellipsoid
+        # σ of one horizontal axis, both alike.
         radius = math.sqrt((north * north + east * east) / 2) if math.isnan(radius) else radius
         velocity, sigma = self._velocity(
             speed * KNOT if math.isnan(kmh) else kmh * KILOMETRE_PER_HOUR, course

@@ -125,6 +125,7 @@ class PhoneLines(Framing):
 
     def _weigh(self, line: PhoneLine) -> None:
         """Take the evidence of a batch; the first clear one decides: no sign changes in mid-stream."""
+        # Behind the time and the rate.
         forces: list[Row] = [row[4:] for row in line.imu] or [row[1:] for row in line.force]
         if line.up is None or not forces:
             return
@@ -231,6 +232,7 @@ class Turning:
             x, y, z = x + step * rx, y + step * ry, z + step * rz
         # The mean of both directions halves the error of a turn that is not small.
         ux, uy, uz = ((one + two) / 2 for one, two in zip(before, line.up, strict=True))
+        # A direction that is fixed in space moves in the body by u × ω Δt.
         said = (uy * z - uz * y, uz * x - ux * z, ux * y - uy * x)
         if not all(map(isfinite, said)):
             return

@@ -148,6 +148,7 @@ class FlightCurves:
             height = np.full(len(self.raw.time), float(self.settings.start_height))
             sentence = f"No height is recorded: {height[0]:g} m is assumed"
             if self.raw.velocity_n is not None:
+                # Down is positive in n.
                 climb = CubicSpline(self.raw.time, -self.raw.velocity_n[:, 2]).antiderivative()
                 height += climb(self.raw.time)
                 sentence += " at the start, and then the integral of the vertical velocity"

@@ -118,6 +118,7 @@ def regular(stamps: FloatArray, tick: float) -> FloatArray | None:
     step = float((count - middle) @ (time - centre) / ((count - middle) @ (count - middle)))
     even = centre + step * (count - middle)
     off = stamps - even
+    # Centred, so that the largest deviation is as small as it can be.
     even += (off.max() + off.min()) / 2
     return even if np.ptp(off) / 2 < max(_MAX_OFF_EVEN * step, MAX_ROUNDING_OFF * tick) else None
 
@@ -182,6 +183,7 @@ def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:
     """
     steps = np.diff(time)
     speed = float(np.sqrt(np.mean(np.sum(np.diff(place, axis=0) ** 2, axis=1))) / np.mean(steps))
+    # Times that are wrong by up to half a limit to either side have a σ of limit / √12.
     smoothing = (speed * limit) ** 2 / 12 / LIVELINESS
     smoothing = min(max(smoothing, _LEAST_SMOOTHING), WIDEST_STEPS**4 * float(np.mean(steps)) ** 3)
     times = time

@@ -157,6 +157,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
             "0.1 µs from one to the next. Another unit of time is given with --unit COLUMN=UNIT"
         )
     moved = times - stamps
+    # The median is rounded to the tick; a whole number of steps in the whole length is not.
     step = float(times[-1] / round(times[-1] / np.median(np.diff(times)))) if method == "even" else 0.0
     steps = np.diff(times)
     return RepairedFlight(
@@ -189,6 +190,7 @@ def _keep_one_per_stamp(raw: RawFlight, time_stamps: str) -> RawFlight:
     if not again.any():
         return raw
     if time_stamps == REPAIRED and again.mean() > _MIN_REPEATED_PART and again.sum() < len(again) - 1:
+        # Stamps that repeat but for rounding become equal, and are spread with the others.
         last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         return replace(raw, time=raw.time[last])
     return row_repair.drop_samples(raw, again, "the time stamp of the row before")
@@ -279,5 +281,6 @@ def _errors_lie_along_path(times: FloatArray, places: FloatArray) -> bool:
     if moving.sum() < MIN_SAMPLES:
         return False
     along = np.sum(error * displacement, axis=1)[moving] / length[moving]
+    # Two components are across, and one is along: hence the half.
     across = np.sqrt(np.maximum(np.sum(error[moving] ** 2, axis=1) - along**2, 0) / 2)
     return bool(np.median(np.abs(along)) > _MIN_ALONG * np.median(across))

@@ -226,6 +226,7 @@ def _readings(columns: _Columns) -> Iterator[_Reading]:
             roll, pitch, yaw = (values * own).T
             turn = Rotation.from_euler("ZYX", np.column_stack((yaw, pitch, roll)))
             yield _Reading(turn, unit, "")
+            # From east to north, yaw counts the other way; pitch is nose down, and roll is alike.
             enu = np.column_stack((np.pi / 2 - yaw, -pitch, roll))
             yield _Reading(Rotation.from_euler("ZYX", enu), unit, ", yaw from east to north")
         return
@@ -286,6 +287,7 @@ def _motion(time: FloatArray, position: FloatArray, velocity: FloatArray) -> _Mo
     here = np.column_stack([np.interp(even, t, one) for one in moved.T])
     fast = np.gradient(here, step, axis=0)
     bent = np.zeros_like(here)
+    # Second differences; the gradient of a gradient would smooth over four steps.
     bent[1:-1] = (here[2:] - 2 * here[1:-1] + here[:-2]) / step**2
     if np.isfinite(velocity[kept][:, :2]).all():
         fast = np.column_stack([np.interp(even, t, one) for one in velocity[kept][:, :2].T])
@@ -313,7 +315,9 @@ def _agreement(attitude: Attitude, motion: _Motion) -> _Agreement:
     up = np.cos(roll) * np.cos(pitch)
     if float(np.median(np.arccos(np.clip(up, -1, 1)))) > _MOST_TILT:
         return _Agreement(-1.0, False, "it is upside down or upright, as of a sensor in another position")
+    # North and east of the body's down axis.
     down_n = Rotation.from_euler("ZYX", np.column_stack((yaw, pitch, roll))).as_matrix()[:, :2, 2]
+    # Lift along minus this axis carries the weight, and its level part accelerates.
     said = -STANDARD_GRAVITY * down_n / np.maximum(up, _HORIZON)[:, None]
     said -= said.mean(axis=0)
     seen = motion.acceleration[known] - motion.acceleration[known].mean(axis=0)
@@ -323,6 +327,7 @@ def _agreement(attitude: Attitude, motion: _Motion) -> _Agreement:
     fast = moving[known]
     across = (motion.velocity[known, 0] * motion.acceleration[known, 1]
               - motion.velocity[known, 1] * motion.acceleration[known, 0])[fast]  # fmt: skip
+    # v × a over |v|: the acceleration to the right of the course.
     across /= np.hypot(*motion.velocity[known].T)[fast]
     banked = float(np.sum(STANDARD_GRAVITY * np.tan(roll[fast]) * across) / max(np.sum(across**2), 1e-9))
     level = along > _ALONG and banked < _LEVEL and float(np.sqrt(np.mean(across**2))) > _MIN_TILT
@@ -368,6 +373,7 @@ def make_reference(
     if inside.sum() < 2 or not both.any():
         return None, ["The attitude in the files is of another time than the IMU, and is not used."]
     turn = Rotation.from_euler("ZYX", np.nan_to_num(euler[:, ::-1]))
+    # Turns between the even times in body axes, as gyros measure them.
     said = (turn[:-1].inv() * turn[1:]).as_rotvec()[both]
     whole = np.vstack((np.zeros(3), np.cumsum(log.dtheta, axis=0)))
     seen = np.diff(np.column_stack([np.interp(at, log.time, one) for one in whole.T]), axis=0)[both]
