@@ -140,6 +140,7 @@ def _terms_of_noise(record: Record) -> allan.NoiseTerms:
         )
     # Whatever the filter is, it lowers the variance at long averaging times by a term with 1/τ².
     deviation = allan.deviation(rates, dt)
+    # The time constant of a low-pass of first order is 1 / (2π cut-off).
     shortest = _MEMORIES / (2 * np.pi * found.cut_off)
     for _ in range(_LONGER):
         terms = allan.fit(deviation, shortest)

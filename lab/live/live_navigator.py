@@ -380,6 +380,7 @@ class LiveNavigator:
         here, prior, source = stream.sample(stream.end - 1), None, ""
         if here.is_usable:
             P = np.diag(here.variance[:15])
+            # Of the covariances beside the variances, the history has those of the attitude.
             for k, (i, j) in enumerate(((6, 7), (6, 8), (7, 8))):
                 P[i, j] = P[j, i] = here.covariance[1, k]
             place = here.position if self._place is None else self._place

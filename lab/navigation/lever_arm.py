@@ -138,6 +138,7 @@ def predict_antenna(
         state, get(turn, 0), 1.0, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT
     )
     at = strapdown.Q_NB
+    # Turned back to the attitude at the time of the fix.
     q = product(
         (state[at], state[at + 1], state[at + 2], state[at + 3]),
         rotation((-age * rate[0], -age * rate[1], -age * rate[2])),
@@ -146,6 +147,7 @@ def predict_antenna(
     arm_n = rotate(axes, rotate(C, l_b))
     sine = state[strapdown.SINE]
     omega_ie = earth.RATE * math.sqrt(max(0.0, 1 - sine * sine)), 0.0, -earth.RATE * sine
+    # Gyros measure ω_ib, while a receiver moves relative to the Earth: less ω_ie × l.
     velocity = plus(rotate(axes, rotate(C, cross(rate, l_b))), -1.0, cross(omega_ie, arm_n))
     for i in range(3):
         z[i] += arm_n[i]
@@ -169,6 +171,7 @@ def predict_antenna(
                 for k in range(2):
                     H[3 + i, misalignment_at + 2 * j + k] = column[i] * rate[OTHER_AXES[j][k]]
             for k in range(3):
+                # Noise in the mean rate moves the antenna, too: its density over the averaging time.
                 R[3 + i, 3 + k] += column[i] * column[k] * noise[j] / turn[3]
 
 

@@ -283,6 +283,7 @@ def used_fixes(
     unknown = np.isnan(gnss.velocity_n)
     for axis in range(3):
         rows = unknown[:, axis]
+        # Correlated with a component that is not measured, the others would be wrong.
         R[rows, 3 + axis, :] = 0.0
         R[rows, :, 3 + axis] = 0.0
         R[rows, 3 + axis, 3 + axis] = UNKNOWN**2
@@ -380,6 +381,7 @@ def gap_noise(imu: Imu, start: float, end: float) -> FloatArray:
     first = min(first, last - 2)
     dt = np.diff(imu.time[first:last])[:, None]
     spread = [(part[first : last - 1] / dt).var(axis=0) for part in (imu.dtheta, imu.dvelocity)]
+    # A rate of unknown σ turns by σ T in the gap, and white noise of density σ² T has as much variance there.
     return np.asarray(np.concatenate(spread) * (end - start))
 
 

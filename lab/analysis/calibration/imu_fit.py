@@ -124,6 +124,7 @@ def integrate_turn(turn: Turn, K_g: FloatArray, bias: FloatArray) -> Carried:
     dt = turn.dt[:, None, None] if len(steps) else np.zeros((1, 1, 1))
     if not len(steps):
         rate = np.zeros((1, 3))
+    # A bias takes its turn off every step; D resolves the axes after a step in those before the turn.
     of_bias = -R @ (D * dt).sum(axis=0) @ inverse
     of_matrix = np.empty((3, 3, 3))
     for column in range(3):
@@ -220,6 +221,7 @@ def solve_linear(problem: Problem) -> tuple[Fit, FloatArray]:
         change = inverse @ side
         left = r - J @ change
         for k in range(3):
+            # Redundancy: the number of equations less what they determine, tr(N⁻¹ Nₖ).
             degrees[k] = (kind == k).sum() - np.sum(inverse * parts[k]) / sizes[k] ** 2
             if degrees[k] > FEWEST_DEGREES:
                 sizes[k] = np.sqrt(np.sum(left[kind == k] ** 2) / degrees[k])
@@ -256,6 +258,7 @@ def _equations(
         # A rotation δ after the turn, in the axes of the device, takes v to v + v × δ.
         turned = -turn.duration * found.R @ since[first]
         v = v + np.cross(v, turned @ state.earth[chain[first]])
+        # σ of a mean over T is density / √T: hence the density of the noise.
         walk = float(np.mean(rests.rate_sigma * np.sqrt(rests.end - rests.begin)[:, None]))
         sigma = np.hypot(walk * np.sqrt(turn.duration), REPEATED)
         J = np.zeros((2, width))

@@ -278,6 +278,7 @@ def _find_turns(gyro: Samples, begin: FloatArray, end: FloatArray) -> tuple[Turn
         dt = np.diff(gyro.time[max(rows.start - 1, 0) : rows.stop])
         if begin[first + 1] - end[first] > LIMITS.longest_turn or (dt > LIMITS.gap * usual).any():
             continue
+        # A rate is that of the interval which it ends.
         found.append(Turn(first, first + 1, gyro.values[rows][-dt.size :], dt))
     return tuple(found)
 

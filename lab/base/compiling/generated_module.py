@@ -92,6 +92,7 @@ def _write(path: Path, text: str) -> None:
 
 def _remove_old(folder: Path, name: str) -> None:
     """Remove the oldest versions of a module, with their compiled code."""
+    # An underscore and twelve digits of the digest: no module whose name only begins alike.
     versions = [path for path in folder.glob(f"{name}_*.py") if len(path.stem) == len(name) + 13]
     for path in sorted(versions, key=lambda one: one.stat().st_mtime)[:-VERSIONS]:
         for file in (path, *folder.rglob(f"{path.stem}.*")):

@@ -42,6 +42,7 @@ def atomic_file(path: Path, *, private: bool = False) -> Iterator[BinaryIO]:
             yield file
         # mkstemp makes files only their owner can read; others get the permissions of an ordinary new file.
         if not private:
+            # The system tells it only to whoever sets it.
             umask = os.umask(0)
             os.umask(umask)
             Path(temporary).chmod(0o666 & ~umask)

@@ -129,6 +129,7 @@ def _bearing(degrees: float, decimals: int) -> str:
 def _angle(degrees: float, width: int, sides: str, decimals: int = 7) -> str:
     """Return degrees and minutes, and the letter of the side."""
     one = 10**decimals
+    # In whole units of the last digit, so that 59.99999' is not rounded to 60'.
     minutes = round(abs(degrees) * 60 * one)
     rest = f"{minutes % (60 * one) / one:0{decimals + 3}.{decimals}f}"
     return f"{minutes // (60 * one):0{width}d}{rest},{sides[int(degrees < 0)]}"

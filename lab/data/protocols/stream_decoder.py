@@ -100,6 +100,7 @@ class StreamDecoder:
             if found is None:
                 break
             size, framing = self._size(at)
+            # What may be the start of a frame is kept until more has come.
             if size == MORE and not last:
                 break
             if size > 0:
@@ -115,6 +116,7 @@ class StreamDecoder:
                     at = end
                     continue
                 statistics.failed += 1
+            # One byte on, not the whole frame: a sound one may begin within what looked like this one.
             at += 1
             statistics.skipped += 1
         self._before += at

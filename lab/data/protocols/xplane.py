@@ -218,6 +218,7 @@ def matrix(known: dict[str, FloatArray], *names: str) -> FloatArray:
 
 def velocity_n(known: dict[str, FloatArray]) -> FloatArray:
     """Return the velocity north, east, down at the aircraft (n, 3) [m/s]."""
+    # X-Plane's local axes are east, up and south.
     local = np.column_stack((-known["south"], known["east"], -known["up"]))
     offset = np.column_stack((-known["Z"], known["X"])) if "X" in known and "Z" in known else None
     return velocity_at_aircraft(local, matrix(known, "latitude", "longitude", "height"), offset)

@@ -237,6 +237,7 @@ def _days(year: FloatArray, month: FloatArray, day: FloatArray) -> FloatArray:
     fine = (year >= _YEARS[0]) & (year <= _YEARS[1]) & (month >= 1) & (month <= _MONTHS)
     # NaN cannot become a whole number; the rows that are not fine are replaced below.
     months = np.where(fine, _MONTHS * (year - 1970) + month - 1, 0).astype(np.int64)
+    # NumPy counts months from 1970, and turns them into days by the calendar.
     first = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
     return np.where(fine, first + day - 1, np.nan)
 

@@ -211,10 +211,12 @@ def _changes(log: SensorLog, window: Window) -> tuple[FloatArray, FloatArray] | 
         return None
     found, dt = match(window), np.diff(window.time)
     attitude = found.C_nb * running_attitudes(window.dtheta - found.gyro_bias * dt[:, None])[:-1]
+    # Upwards: minus down, less what only carries the weight.
     velocity = np.cumsum(-attitude.apply(window.dvelocity)[:, 2] - STANDARD_GRAVITY * dt)
     risen = np.append(0.0, np.cumsum(velocity * dt))
     since = time[inside] - window.time[0]
     both = np.column_stack((np.interp(time[inside], window.time, risen), height[inside]))
+    # A wrong start, a wrong vertical speed and a bias of the accelerometer make a parabola.
     parabola = np.vander(since, 3)
     left = both - parabola @ np.linalg.lstsq(parabola, both, rcond=None)[0]
     return left[:, 0], left[:, 1]

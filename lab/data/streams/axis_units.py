@@ -177,6 +177,7 @@ class AxisUnits:
         before, after = rows[:-1][follows], rows[1:][follows]
         up, angle = (before[:, 1:4] + after[:, 1:4]) / 2, (before[:, 4:] + after[:, 4:]) / 2
         made = after[:, 1:4] - before[:, 1:4]
+        # A direction that is fixed in space moves in the device by up × turn.
         said = np.cross(up[:, None, :], np.eye(3)) * angle[..., None]  # by each axis
         kept = np.exp(-TURNS.block * len(made) / TURNS.memory)
         self._normal = kept * self._normal + np.einsum("kij,klj->il", said, said)

@@ -183,6 +183,7 @@ class ImuClock:
         counts = np.concatenate([part["count"] for _, part in self._waiting])
         # A counter that stands still or runs backwards is none.
         self._has_counter = bool(counts.min() >= 0 and (np.diff(counts) > 0).all())
+        # The samples of the first arrival were made before it: time counts from there, and they do not.
         passed = counts[-1] - first["count"][-1] if self._has_counter else len(counts) - len(first)
         self.rate = nominal_rate(max(float(passed), 1.0) / (arrival - begin))
         self.counted = 0
@@ -323,6 +324,7 @@ class Pace:
         if since < COUNTED or not 2 * self._largest < abs(grown) > LIMITS.step:
             return rate
         self._begin(arrival, number)
+        # Delays that grow mean that samples come later than counted: the true rate is lower.
         return nominal_rate(rate * (1 - grown / since), LIMITS.step / since / 2)
 
 

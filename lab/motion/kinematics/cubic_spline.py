@@ -58,6 +58,7 @@ class PiecewisePolynomial:
         """Return the integral from the first knot on."""
         count, dt = self._coefficients.shape[0], np.diff(self._times)
         integrals = self._coefficients / np.arange(count, 0, -1)[:, None, None]
+        # Horner's scheme at the end of each piece; the sum of all pieces before is the new constant term.
         steps = np.zeros_like(integrals[0])
         for one in integrals:
             steps = (steps + one) * dt
@@ -141,6 +142,7 @@ def _basis(knots: FloatArray, times: FloatArray) -> tuple[NDArray[np.intp], Floa
     values = np.zeros((times.size, 4))
     values[:, 0] = 1.0
     for degree in range(1, 4):
+        # The recursion of Cox and de Boor, in place.
         carried = np.zeros(times.size)
         for k in range(degree):
             right, left = knots[at + k + 1] - times, times - knots[at + k + 1 - degree]

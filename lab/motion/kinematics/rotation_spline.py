@@ -41,6 +41,7 @@ class RotationSpline:
         self._times, self._q_nb = times, q_nb.T.copy()
         dt = np.diff(times)
         turn = _rotation_vector(_product(self._q_nb[:, :-1], self._q_nb[:, 1:], inverse=True))
+        # Between two knots Hermite's cubic, from zero to the whole turn.
         rate, end = _rates(turn, dt)
         self._coefficients = np.stack(
             ((dt * (rate + end) - 2 * turn) / dt**3, (3 * turn - dt * (2 * rate + end)) / dt**2, rate)
@@ -54,6 +55,7 @@ class RotationSpline:
         angle = np.sqrt(_dot(turn, turn))
         small = angle < SMALL_ANGLE
         scale = np.sin(0.5 * angle) / np.where(small, 1.0, angle)
+        # The series of sin(φ/2) / φ.
         scale[small] = 0.5 - angle[small] ** 2 / 48
         q_turn = np.concatenate((np.cos(0.5 * angle)[None], scale * turn))
         return np.ascontiguousarray(_product(self._q_nb[:, index], q_turn).T)
@@ -97,6 +99,7 @@ def _rates(turn: FloatArray, dt: FloatArray) -> tuple[FloatArray, FloatArray]:
     factors, pivots, failed = dgbtrf(band.T, BAND, BAND, overwrite_ab=True)
     assert not failed, "the diagonal of the equations exceeds the sum of the rest of each row"
     right = 6 * (turn[:, :-1] / dt[:-1] ** 2 + turn[:, 1:] / dt[1:] ** 2)
+    # The rates at both ends are known, and stand on the right side.
     right[:, 0] -= 2 / dt[0] * (to_rate[:, :, 0] @ rate[:, 0])
     right[:, -1] -= 2 / dt[-1] * (to_turn[:, :, -1] @ rate[:, -1])
     for _ in range(ITERATIONS):
@@ -116,6 +119,7 @@ def _nonlinear(turn: FloatArray, change: FloatArray) -> FloatArray:
     """Return the part of the angular acceleration that is quadratic in the rotation vector's derivative."""
     square = _dot(turn, turn)
     angle = np.sqrt(square)
+    # Divisions by φ⁴ and φ⁵ lose their digits earlier than those of `_series`.
     small = angle < 1e-2
     at = np.where(small, 1.0, angle)
     sin, cos = np.sin(at), np.cos(at)
@@ -160,6 +164,7 @@ def _rotation_vector(q: FloatArray) -> FloatArray:
     angle = 2 * np.arctan2(length, np.abs(q[0]))
     small = angle < SMALL_ANGLE
     scale = angle / np.where(small, 1.0, length)
+    # The series of φ / sin(φ/2).
     return np.asarray(np.where(small, 2 + angle**2 / 12, scale) * vector)
 
 
