@@ -111,6 +111,7 @@ def test_the_drift_of_a_free_navigator_is_no_turn_of_north(tmp_path: Path) -> No
 SEEDS = 20
 
 
+@pytest.mark.proof
 def test_a_small_drift_is_the_cause_where_no_other_explains_the_errors(tmp_path: Path) -> None:
     """With quiet gyros, less than a degree makes NEES 3 × too large; feedback is right."""
     quiet = {

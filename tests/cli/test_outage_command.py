@@ -17,7 +17,7 @@ from lab.experiment.ensembles import outages
 
 COMMAND = (
     *("outage", "los_angeles", "--set", "trajectory.imu_rate=50", "--seconds", "20", "--seeds", "4"),
-    *("--cards", "HG9900, BMI088"),
+    *("--cards", "STIM300, BMI088"),
 )
 
 
@@ -27,7 +27,7 @@ def test_a_row_for_each_card_with_its_decision_and_what_limits_it() -> None:
     header, first, second, *rest = answer.stdout.splitlines()
     assert header.split("  ")[0] == "card"
     assert header.endswith("within 8 m")
-    assert first.startswith("HG9900")
+    assert first.startswith("STIM300")
     assert second.startswith("BMI088")
     assert second.endswith("fail")
     said = "\n".join(rest)
@@ -40,7 +40,7 @@ def test_json_and_a_file_have_the_same_figures(tmp_path: Path) -> None:
     answer = ask(*COMMAND, "--json", "--out", str(out))
     form = json.loads(answer.stdout)
     assert (form["schema"], form["mission"], form["seconds"]) == ("ins-lab outages", "los_angeles", 20)
-    assert [row["card"] for row in form["rows"]] == ["HG9900", "BMI088"]
+    assert [row["card"] for row in form["rows"]] == ["STIM300", "BMI088"]
     assert form["rows"][0]["to_m"] is None
     with xr.open_dataset(out, group="outages") as data:
         assert data.sizes["run"] == 4
@@ -91,7 +91,7 @@ def test_ctrl_c_prints_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
     answer = ask(*COMMAND, "--seed", "700", "--workers", "1")
     assert answer.exit_code == 130
     assert "stopped" in answer.stderr
-    assert "HG9900" in answer.stdout
+    assert "STIM300" in answer.stdout
 
 
 def test_ctrl_c_before_the_first_run_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

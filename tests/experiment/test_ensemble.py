@@ -20,11 +20,11 @@ from lab.base.progress import StoppedError
 from lab.experiment.ensembles.collected import Collected
 from lab.experiment.ensembles.ensemble import QUANTITIES, Ensemble
 from lab.experiment.ensembles.run_at_fixes import keep_values
+from lab.experiment.ensembles.seed_lanes import SeedLanes
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.experiment.stages import CACHE
-from lab.experiment.variants import compile_lanes
 from lab.navigation.checks import DivergedError, divergence_error
 
 SEEDS = 40
@@ -217,7 +217,9 @@ def test_who_is_told_of_the_progress_may_end_the_work() -> None:
 def test_a_cancelled_ensemble_is_that_of_the_runs_that_were_begun(wanted: int, abreast: bool) -> None:
     experiment = Experiment(mission="los_angeles").update({"trajectory.imu_rate": 20.0})
     if abreast:  # whoever runs more than a hundred abreast has the filter compiled
-        compile_lanes()
+        lanes = SeedLanes.of(experiment)
+        assert lanes is not None
+        list(lanes.measure((1,)))
     told: list[str] = []
     some = run_ensemble(
         experiment,

@@ -82,7 +82,7 @@ def test_the_drift_begins_with_the_first_withheld_fix(table):
 
 
 def test_each_card_is_a_filter_of_the_log(drive):
-    both = drive.outage(SECONDS, ["HG9900", "BMI088"])
+    both = drive.outage(SECONDS, ["STIM300", "BMI088"])
     good, poor = both.rows
     assert good.runs == poor.runs
     assert good.believed < poor.believed
@@ -111,7 +111,7 @@ def test_cancelled_rows_are_left_empty(drive):
     told: list[float] = []
     found = drive.outage(
         SECONDS,
-        ["HG9900", "BMI088"],
+        ["STIM300", "BMI088"],
         progress=lambda _words, fraction: told.append(fraction),
         cancelled=lambda: bool(told),
     )

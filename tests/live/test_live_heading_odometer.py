@@ -162,6 +162,7 @@ def test_headings_of_changing_quality_are_weighted_as_the_receiver_says() -> Non
     assert np.mean(mean[False]) > 5
 
 
+@pytest.mark.proof
 def test_readings_that_are_not_used_and_wanted_ones_that_are_missing_are_told() -> None:
     imu, fixes, trajectory = driven(late=0.2)
     rows = readings(trajectory, 1)

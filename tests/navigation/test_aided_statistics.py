@@ -18,6 +18,8 @@ from lab.experiment.result import Result
 from lab.navigation.aids import NORTHWARD
 from lab.navigation.filters import blocks
 
+pytestmark = pytest.mark.proof
+
 SEEDS = 24
 RATE = 50.0
 """Rate of the IMU [Hz]: statistics over seeds say the same as at 200 Hz, in a quarter of the time."""
@@ -65,7 +67,6 @@ def only(*names: str) -> dict[str, Any]:
     return {f"sensors.{name}.fitted": True for name in KINDS} | silent
 
 
-@pytest.mark.proof
 def test_all_states_and_measurements_together_are_consistent() -> None:
     nees, nis, aids = [], [], []
     for seed in range(SEEDS):
@@ -182,7 +183,6 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return winding_road(tmp_path_factory.mktemp("drive"))
 
 
-@pytest.mark.proof
 def test_an_odometer_and_wheels_that_do_not_slip_hold_the_position(drive: Path) -> None:
     wheels = only("odometer") | {"navigator.no_slip": True, "navigator.slip_sigma": (0.05, 0.05)}
     check_gain("odometer and no slip", ends(drive, {}), ends(drive, wheels), LEVEL)
@@ -194,7 +194,6 @@ def parked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return standing(tmp_path_factory.mktemp("rest"))
 
 
-@pytest.mark.proof
 def test_zero_velocity_at_rest_is_consistent_and_sharper(parked: Path) -> None:
     alone, aided = at_rest(parked, used=False), at_rest(parked, used=True)
     speed = [np.array([one.solution_arrays.velocity_n[-1] for one in results]) for results in (alone, aided)]
@@ -239,7 +238,6 @@ def test_a_start_is_no_rest(acceleration: float, tmp_path: Path) -> None:
     assert low < np.mean(squares) < high
 
 
-@pytest.mark.proof
 def test_zero_velocity_holds_the_position_without_fixes(parked: Path) -> None:
     """The vehicle stands still exactly, so σ must be small for it to say more than the inertial sensors."""
     barometer = only("barometer")
@@ -247,7 +245,6 @@ def test_zero_velocity_holds_the_position_without_fixes(parked: Path) -> None:
     check_gain("zero velocity", ends(parked, barometer), ends(parked, barometer | sharp), LEVEL)
 
 
-@pytest.mark.proof
 def test_smoothed_errors_are_smaller_and_as_large_as_their_sigma() -> None:
     nees, squares = [], []
     for seed in range(8):

@@ -216,10 +216,11 @@ def test_cards_with_large_biases_and_scale_factors_tell_the_truth() -> None:
 
 def test_the_remark_names_the_remedy_and_then_stays_silent() -> None:
     experiment = Experiment(mission="los_angeles")
-    experiment.navigator.states = 21  # so that this filter is the one above, which is compiled already
+    experiment.navigator.states = 21
     experiment.sensors.gyro.misalignment = 0.2
     assert "navigator.estimate_misalignments" in " ".join(experiment.run().remarks)
     experiment.navigator.estimate_misalignments = True
+    experiment.navigator.estimate_g_sensitivity = True  # so that this filter is that of cards
     result = experiment.run()
     assert "misalignment" not in " ".join(result.remarks)
     states = result.further_states

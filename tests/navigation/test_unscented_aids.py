@@ -181,6 +181,7 @@ def run(model: str, seed: int, settings: dict[str, Any]) -> Result:
     return flight("los_angeles", seed, settings | own).run()
 
 
+@pytest.mark.proof
 def test_small_errors_are_the_linear_filters() -> None:
     one, other = (run(model, 1, SENSORS | GOOD).solution_arrays for model in ("nonlinear", "phi"))
     np.testing.assert_array_equal(one.aid_sample, other.aid_sample)

@@ -112,7 +112,12 @@ def contents(path: Path) -> Iterator[bytes]:
 
 
 @pytest.mark.parametrize(
-    "made", [of_homework, of_the_gallery, sealed_by_a_teacher], ids=lambda one: one.__name__
+    "made",
+    [
+        pytest.param(of_homework, id="homework", marks=pytest.mark.proof),
+        pytest.param(of_the_gallery, id="gallery"),
+        pytest.param(sealed_by_a_teacher, id="teacher"),
+    ],
 )
 def test_no_format_has_what_is_hidden_or_the_seed(made: Callable[[], Experiment], tmp_path: Path) -> None:
     experiment = made()

@@ -44,7 +44,9 @@ def sweeps() -> dict[str, Sweep]:
     return {
         "one": small().sweep(scales, 3),
         "two": small().sweep({**scales, "navigator.r_scale": [0.5, 1.0, 4.0]}, 2),
-        "texts": small().sweep({"card": ["BMI088", "ADIS16470"], "navigator.model": ["phi", "psi"]}, 2),
+        "texts": small().sweep(
+            {"card": ["BMI088", "ADIS16470"], "navigator.correction": ["feedback", "feedforward"]}, 2
+        ),
     }
 
 
