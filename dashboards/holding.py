@@ -31,6 +31,8 @@ LONGEST_NAME = 40
 """Longest name that a person gives to a held result [characters]."""
 NAMED = 2
 """Most settings in the name of a result."""
+ARRIVED = 200
+"""Time after which what was typed has arrived [ms]: Panel handles it later than the key Enter."""
 _MORE = re.compile(r", \d+ more$")
 
 
@@ -57,6 +59,7 @@ class Holding:
 
     def __init__(self, session: Session, keys: HistoryBar) -> None:
         self._session = session
+        self._document = pn.state.curdoc
         keys.hear(lambda what, _number: self.hold() if what == "hold" else None)
         self.button = header_icon("push_pin", "Hold this result, to compare it with the next ones (H)")
         self.button.on_click(lambda _event: self.hold())
@@ -100,11 +103,15 @@ class Holding:
             name = pmui.TextInput(
                 label=f"Name of {letter}", value=held.name, max_length=LONGEST_NAME, size="small", width=240
             )
-            name.param.watch(lambda _event: self._rename(slot, name.value), ["value", "enter_pressed"])
+            name.param.watch(lambda _event: self._rename(slot, name.value), "value")
+            assert self._document is not None
+            later = self._document.add_timeout_callback
+            # Enter is told before the name, which may be the same as before.
+            name.param.watch(lambda _event: later(lambda: self._end_renaming(slot), ARRIVED), "enter_pressed")
             return [name, away]
         back = pmui.Button(
             label=f"{letter} · {held.name}",
-            description="Bring these settings back",
+            description=f"{letter} · {held.name}: bring these settings back",  # and what a reader hears
             variant="outlined",
             sx={"borderColor": COLOURS[slot], "borderWidth": "2px"},
             **common,
@@ -118,6 +125,12 @@ class Holding:
         """Show the field for the name of a held result."""
         self._renamed = slot
         self._list()
+
+    def _end_renaming(self, slot: int) -> None:
+        """Show the name again if nothing else was typed."""
+        if self._renamed == slot:
+            self._renamed = -1
+            self._list()
 
     def _rename(self, slot: int, name: str) -> None:
         """Give a held result a name; an empty one is that of its settings."""

@@ -25,6 +25,11 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     )
     wait_for(page, DRAWN)
     expect(page.get_by_text(re.compile("^A · .*R scale 4"))).to_be_visible()
+    page.get_by_role("button", name="Rename A").click()
+    name = page.get_by_role("textbox", name="Name of A")
+    name.fill("Less R & <more>")
+    name.press("Enter")
+    expect(page.get_by_role("button", name="A · Less R & <more>: bring these settings back")).to_be_visible()
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     share(page, "Copy link")
     expect(page.get_by_role("status").filter(has_text="Copied")).to_be_visible()
@@ -46,4 +51,4 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     expect(page.get_by_role("menu", name="Share")).to_be_hidden()
     context.close()
     again = open_page(f"?{link.partition('?')[2]}")
-    expect(again.get_by_text(re.compile("^A · .*R scale 4"))).to_be_visible()
+    expect(again.get_by_text("A · Less R & <more>")).to_be_visible()

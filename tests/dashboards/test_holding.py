@@ -186,6 +186,7 @@ def test_a_held_result_is_renamed_and_an_empty_name_is_that_of_its_settings(walk
     with set_curdoc(walk._document):
         bar.objects[1].clicks += 1
         bar.objects[0].param.trigger("enter_pressed")  # unchanged
+        walk.page._holding._end_renaming(0)
     assert bar.objects[0].label == f"A · {before}"
     with set_curdoc(walk._document):
         bar.objects[1].clicks += 1
