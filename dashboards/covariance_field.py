@@ -86,8 +86,8 @@ class CovarianceField(TextField):
                 self._sigmas.append(box)
                 self.parts[name] = box
             self.name_parts(self._path)
+            self.refresh()  # before the browser has the boxes: it drops a value that comes with its box
             self._list[:] = self._sigmas
-            self.refresh()
         self._list.visible = event.new
 
     def _typed_sigma(self, index: int, text: str) -> None:

@@ -9,6 +9,8 @@ import param
 
 from dashboards.session import Session
 
+DRAWING = "Drawing"
+"""What a page does once all is computed."""
 _SHORT = """
 :host { flex: 1 1 0 !important; width: 0 !important; min-width: 0 !important; align-self: center; }
 div { overflow: hidden; text-overflow: ellipsis; }
@@ -35,5 +37,6 @@ class ProgressText:
 
     def _changed(self, *_events: param.parameterized.Event) -> None:
         stage, fraction = self._session.stage, self._session.fraction
-        share = f" · {fraction:.0%}" if 0 < fraction < 1 else ""
+        share = f" · {100 * fraction:.0f} %" if 0 < fraction < 1 else ""
+        stage = DRAWING if fraction == 1 else stage
         self.view.object = f"{escape(stage)} …{share}" if stage else ""

@@ -36,8 +36,8 @@ class SettingFinder:
         Makes a row for each of some settings, to change them there.
     found
         Called with whether settings are sought: then the groups are hidden.
-    beside
-        Stands at the right, below the box.
+    others
+        Stand below the box: the first beside the button, the second below it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class SettingFinder:
         changed: Callable[[], Iterable[str]],
         fields: Callable[[Iterable[str]], list[pn.viewable.Viewable]],
         found: Callable[[bool], None],
-        beside: pn.viewable.Viewable,
+        others: tuple[pn.viewable.Viewable, pn.viewable.Viewable],
     ) -> None:
         self.names, self._changed, self._fields, self._found = names, changed, fields, found
         self._recent: list[str] = []
@@ -80,7 +80,9 @@ class SettingFinder:
         self._box.param.watch(lambda _event: self._seek(), "value_input")
         self._only.param.watch(lambda _event: self._seek(), "value")
         self._last.param.watch(lambda _event: self._seek(), "value")
-        self.view = plain_column(self._box, plain_row(self._only, beside), self._strip, self._place)
+        self.view = plain_column(
+            self._box, plain_row(self._only, others[0]), others[1], self._strip, self._place
+        )
 
     def count(self) -> None:
         """Say how many settings are changed."""

@@ -106,8 +106,8 @@ class SettingsPanel:
         self._fields: dict[str, Field] = {}
         self._is_log = False
         self._views: list[tuple[pn.viewable.Viewable, list[str]]] = []
-        forms = {path: session.experiment.derived(path).setting for path in Experiment.OTHER_FORMS}
-        self._forms = {setting: path for path, setting in forms.items()}
+        self._meant = {path: session.experiment.derived(path).setting for path in Experiment.OTHER_FORMS}
+        self._forms = {setting: path for path, setting in self._meant.items()}
         session.on_idle(self._refresh_forms)
         session.on_library(self._offer_missions)
         self._mission = ChoiceField(
@@ -121,7 +121,7 @@ class SettingsPanel:
         session.on_settings(self.refresh)  # once the chooser knows the card
         self._found: dict[str, Field] = {}
         self._finder = SettingFinder(
-            self._names(), self._changed, self._rows, self._hide, self._sigma_switch()
+            self._names(), self._changed, self._rows, self._hide, (self._reset_menu(), self._sigma_switch())
         )
         self._groups = plain_column(*self._sections())
         self._note = Notice(margin=(4, 0))
@@ -129,7 +129,7 @@ class SettingsPanel:
             self._mission.view,
             self._note.view,
             self._seed_row(),
-            self._cards_row(),
+            self._cards.view,
             self._finder.view,
             self._groups,
             margin=(6, 14, 4, 14),
@@ -235,7 +235,7 @@ class SettingsPanel:
                     self._mark(path, made)
 
         switch.param.watch(turn, "value")
-        words = pn.pane.HTML("<small>Noise as</small>", margin=(12, 0, 0, 8))
+        words = pn.pane.HTML("<small>Noise as</small>", margin=(12, 0, 0, 0))
         return pn.Row(words, switch, margin=0)
 
     def _hide(self, sought: bool) -> None:
@@ -277,13 +277,14 @@ class SettingsPanel:
                 self._suit()
             if path.startswith("sensors."):
                 self._cards.refresh()
-            self._finder.used(path)
-            self._follow(path, value)
+            meant = self._meant.get(path, path)
+            self._finder.used(meant)
+            self._follow(meant, value if meant == path else self._session.experiment.get(meant))
 
         return change
 
     def _follow(self, path: str, value: Any) -> None:
-        """Mark the fields of a setting that was changed, and show its value in the other one."""
+        """Mark the fields of a setting that was changed, and show its value in those that show another."""
         for fields in (self._fields, self._found):
             if path in fields:
                 if fields[path].motion is None and fields[path].value != value:
@@ -308,20 +309,20 @@ class SettingsPanel:
         self._session.change("seed", (int(self._session.experiment.seed) + 1) % 2**32)
         self._seed.show(self._session.experiment.seed)
 
-    def _cards_row(self) -> pn.viewable.Viewable:
+    def _reset_menu(self) -> pn.viewable.Viewable:
         reset = pmui.MenuButton(
             label="Reset",
             items=[{"label": title} for title in RESETS],
             size="small",
             variant="outlined",
-            margin=(12, 0, 8, 4),
+            margin=(6, 0, 2, 0),
             description="Reset settings to what they were at first. The arrow at the top brings them back.",
-            sx={"padding": "3px 5px"},
+            sx={"& button, &": {"padding": "3px 10px"}},
             stylesheets=[TOOLTIP],
             tags=[SETTING],
         )
         reset.on_click(self._reset)
-        return plain_row(self._cards.view, reset)
+        return reset
 
     def _reset(self, chosen: Any) -> None:
         """Set a group of settings, or all but the mission, to their defaults."""

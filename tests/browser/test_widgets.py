@@ -208,9 +208,13 @@ def unfolded(path: str, experiment: Experiment) -> tuple[CovarianceField, list[A
         lambda value: experiment.set(path, value),
         lambda: matched_variances(experiment, name),
     )
+    arrived: list[str] = []
+    made.view[1].param.watch(lambda event: arrived.extend(box.value for box in event.new), "objects")
     toggle = made.view[0][2]
     toggle.value = True
-    return made, list(made.view[1])
+    boxes = list(made.view[1])
+    assert arrived == [box.value for box in boxes]  # a browser drops a value that comes with its box
+    return made, boxes
 
 
 def test_matched_sigmas_are_shown_in_readable_units() -> None:

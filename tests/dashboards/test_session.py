@@ -8,6 +8,7 @@ import pytest
 from bokeh.document import Document
 
 from dashboards.computing import Outcome
+from dashboards.progress import ProgressText
 from dashboards.session import Session
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
@@ -52,6 +53,17 @@ def test_a_text_that_looks_like_a_mission_of_another_setting_is_not_asked(sessio
     """Only the mission is looked up in the catalogue."""
     assert session.change("navigator.model", "psi")
     assert session.experiment.navigator.model == "psi"
+
+
+def test_the_progress_says_what_is_done_after_the_computation(session: Session) -> None:
+    shown = ProgressText(session).view
+    for stage, fraction, words in (
+        ("Navigating", 0.25, "Navigating … · 25 %"),
+        ("Done", 1.0, "Drawing …"),
+        ("", 0.0, ""),
+    ):
+        session.param.update(stage=stage, fraction=fraction)
+        assert shown.object == words
 
 
 def test_a_closed_session_keeps_no_result(session: Session) -> None:

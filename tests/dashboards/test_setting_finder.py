@@ -112,7 +112,7 @@ def test_variances_are_shown_and_entered_as_sigma_until_the_switch_says_otherwis
     there._axis_sliders[1].value = there._slider.start
     assert session.experiment.get(path) == (25.0, 0.01, 25.0)
     assert list(panel._finder._last.options) == ["Position σ"]
-    switch = panel._finder.view[1][1][1]
+    switch = panel._finder.view[2][1]
     switch.value = False
     assert (there._slider.label, there._box.value) == ("Position variance [m²]", "25, 0.01, 25")
     assert list(panel._finder._last.options) == ["Position variance"]
@@ -125,6 +125,20 @@ def test_variances_are_shown_and_entered_as_sigma_until_the_switch_says_otherwis
     assert there._box.value == "0.49"
     switch.value = True
     assert there._box.value == "0.7"
+
+
+def test_a_setting_that_is_changed_in_its_other_form_is_marked_and_at_hand(walk: Walk) -> None:
+    """White noise of 0.7 °/s per sample at 200 Hz is 0.7/√200 °/s/√Hz."""
+    panel, session = panel_of(walk), walk.page.session
+    session.experiment.set("trajectory.imu_rate", 200.0)
+    form = panel._fields["sensors.gyro.noise_variance"]
+    assert (form._box.label, form._box.value) == ("σ per sample [°/s]", "0.707107")
+    form._box.value = "0.7"
+    assert session.experiment.get(NOISE) == pytest.approx((0.7 / 200**0.5,) * 3)
+    white = panel._fields[NOISE]
+    assert white._box.value == "0.0494975"
+    assert white.view.styles["--was"] == '"was 0.05"'
+    assert list(panel._finder._last.options) == ["White noise"]
 
 
 def test_the_last_three_settings_are_at_hand(walk: Walk) -> None:
