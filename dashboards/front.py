@@ -85,6 +85,7 @@ def choose_process(head: bytes, keys: Sequence[bytes]) -> int | None:
     if is_of_first or address.path.endswith(("/teach", "/login")):
         return 0
     browser = _BROWSER.search(cookies)
+    # A checksum, since `hash` of a text differs from process to process.
     return zlib.crc32(browser[1].encode()) % len(keys) if browser else None
 
 
@@ -190,6 +191,7 @@ class Front:
         key = secrets.token_bytes(32)
         process = get_context("spawn").Process(target=work, args=(part, key, theirs), daemon=True)
         process.start()
+        # Only the process has this end now, so that its death shows at ours.
         theirs.close()
         worker = Worker(process, ours, key, loop.time())
         loop.add_reader(ours.fileno(), self._read_messages, worker)
@@ -257,6 +259,7 @@ class Front:
             worker = self._workers[place]
             while worker.is_ready:
                 try:
+                    # A handle travels beside a byte at least.
                     socket.send_fds(worker.channel, [b"."], [connection.fileno()])
                 except BlockingIOError:
                     await asyncio.sleep(PIECES)

@@ -338,6 +338,7 @@ class Session(param.Parameterized):
             deleted.forget()
         self._runs.close()
         self._arrived = None
+        # The page is gone: nothing is drawn again for this.
         with param.parameterized.discard_events(self):
             self.result, self.held = None, ()
         self._on_settings.clear()

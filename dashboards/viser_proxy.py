@@ -199,6 +199,7 @@ class ViserHandler(WebSocketHandler):
         if self._pump is not None:
             self._pump.cancel()
         if self._upstream is not None:
+            # Kept, because the loop itself does not keep its tasks.
             self._closing = asyncio.ensure_future(self._upstream.close())
 
     def get_compression_options(self) -> Mapping[str, Any] | None:  # type: ignore[override]

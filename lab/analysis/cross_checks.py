@@ -116,6 +116,7 @@ def _forward_and_smoothed(run: Repeatable) -> tuple[FloatArray, FloatArray, Floa
     again = run.repeated(other)
     forward, smoothed = (again, run) if run.experiment.navigator.smoother else (run, again)
     known, better = forward.solution_arrays, smoothed.solution_arrays
+    # The better estimate has all data of the other: the variance of their difference is that between theirs.
     variance = np.maximum(known.variance - better.variance, 0)
     north, east, _down = displacement(better.position, known.position).T
     turned = np.degrees(wrap(forward.euler[:, 2] - smoothed.euler[:, 2]))

@@ -245,6 +245,7 @@ class AttitudeOnly:
         """Raise P by the unknown motion in a filled gap that has just ended, by its times [s]."""
         assert self._run is not None
         first = max(self.samples.number("time", start - AROUND - 1e-9), self.samples.first)
+        # Densities of white noise, times the time over which it acts.
         variance = gap_noise(imu_between(self.samples, first, self.samples.end - 1), start, end) * (
             end - start
         )
@@ -432,6 +433,7 @@ class AttitudeOnly:
         if unknown and sigma >= NORTH:
             P = with_heading(P, float(np.sqrt(anchor.P[8, 8])))
             at = np.arange(GYRO_BIAS.start, GYRO_BIAS.stop)
+            # Of a vector in an unknown level direction, each axis has half of the square.
             P[at, at] += np.maximum(0.0, level_rate**2 / 2 - np.diag(P)[GYRO_BIAS])
         bias = anchor.bias.copy()
         bias[:3] += made.gyro_bias
@@ -446,9 +448,11 @@ class AttitudeOnly:
         level_rate = earth.RATE * np.cos(latitude)
         tilt = np.diag(anchor.P)[ACCEL_BIAS].max() / STANDARD_GRAVITY**2
         noise = np.diag(anchor.P)[GYRO_BIAS].max() + variance[:3].max()
+        # A tilt brings a part of the vertical rate of the Earth into the level one.
         noise += tilt * (earth.RATE * np.sin(latitude)) ** 2
         if not level_rate > 0:
             return np.nan, np.inf
+        # In level axes with a heading of zero, north is at minus the heading.
         return float(np.arctan2(-levelled[1], levelled[0])), float(np.sqrt(noise) / level_rate)
 
     def _begin(self, here: Anchor) -> None:

@@ -105,6 +105,7 @@ def _thinned_time(time: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.i
 def _extremes(values: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> FloatArray:
     part = np.ascontiguousarray(values[: ends[-1]])
     low, high = np.minimum.reduceat(part, starts), np.maximum.reduceat(part, starts)
+    # The two values stand in the order in which the line is likely to pass them.
     rising = part[ends - 1] >= part[starts]
     out = np.empty(2 * len(starts))
     out[0::2] = np.where(rising, low, high)

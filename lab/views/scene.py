@@ -249,6 +249,7 @@ class Scene:
         samples = np.minimum(np.searchsorted(result.time, times[chosen]), len(result.time) - 1)
         centres = self._scale_positions(result.places(samples))
         variances, axes = np.linalg.eigh(covariance)
+        # Eigenvectors may be a mirror image, which no rotation is.
         axes[np.linalg.det(axes) < 0, :, 0] *= -1
         size = SIGMAS * np.sqrt(np.maximum(variances, 0)) * _KILOMETRE * self.scale
         is_wire = most == OUTLINES
@@ -273,6 +274,7 @@ class Scene:
         shadow = path * (1, 1, 0) + (0, 0, low[2])
         self._draw_path("/track on the ground", shadow, self._colours.shadow, 1.0)
         extent = float(max(high[:2] - low[:2])) or 1.0
+        # A power of ten, of which the extent has 4 to 40.
         cell = 10.0 ** np.floor(np.log10(extent / 4))
         self._server.scene.add_grid(
             "/ground",

@@ -123,6 +123,7 @@ def _values_outside(
                 continue
             low, high = there[plot.band.low], there[plot.band.high]
             if low.size == 2 * buckets:
+                # Of a stretch, each series has its two values in an order of its own.
                 low = low.reshape(-1, 2).min(axis=1).repeat(2)
                 high = high.reshape(-1, 2).max(axis=1).repeat(2)
             for name, curve in plot.outside.items():

@@ -165,6 +165,7 @@ def _steps(
     # The errors that the causes of gyros and accelerometers add, resolved in n.
     gyros, axes, signals = (one if forced else one[:0] for one in _REGRESSORS)
     direct, kick = rotated[:, :, axes, signals], np.zeros((count, n, axes.size))
+    # What a sensor adds acts as minus an error of its estimated bias, with which F has the signs.
     kick[:, ATT, gyros], kick[:, VEL, ~gyros] = -direct[..., gyros], direct[..., ~gyros]
     found = Steps(np.empty(F.shape), np.zeros((count, 5, n, n)), np.zeros(kick.shape))
     _integrate(
@@ -267,6 +268,7 @@ def _system_matrix(
     n = blocks.count(names)
     F = np.zeros((C_nb.shape[0], n, n))
     F[:, POS, VEL] = np.eye(3)
+    # [f ×], whose columns are f × e.
     F[:, VEL, ATT] = np.cross(force_n[:, None, :], np.eye(3)).transpose(0, 2, 1)
     F[:, VEL, ACCEL_BIAS] = -C_nb
     F[:, ATT, GYRO_BIAS] = C_nb

@@ -245,6 +245,7 @@ def measure_growth(before: FloatArray, after: FloatArray) -> tuple[float, float]
     growth = growth[~np.isnan(growth)]
     if not growth.size:
         return None
+    # With few outages their scatter is hardly known: the usual one stands for some further ones.
     scatter = limits.VERDICT.outage_weight * limits.VERDICT.outage_scatter**2 + np.sum(
         (growth - growth.mean()) ** 2
     )
@@ -297,6 +298,7 @@ def apply_changes(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSet
                 now = np.array(matched[change.path] if own is None else own, dtype=np.float64)
                 scale = np.ones(now.shape[0])
                 scale[slice(*change.rows)] = value
+                # A covariance changes by the root of each factor, so that correlations stay.
                 root = np.sqrt(scale)
                 value = (now * scale if now.ndim == 1 else now * root[:, None] * root).tolist()
         experiment.set(change.path, value)

@@ -147,6 +147,7 @@ def _is_imu(rows: FloatArray) -> bool:
     if not np.isfinite(rows).all() or not _runs(rows[:, 0], _STEPS[1]):
         return False
     step = float(np.median(np.diff(rows[:, 0])))
+    # Increments of velocity over the usual step.
     force = float(np.median(np.linalg.norm(rows[:, 4:7], axis=1))) / step
     turns = bool((np.median(np.abs(rows[:, 1:4]), axis=0) < _LEAST_DEGREES).all())
     return turns and step >= _STEPS[0] and _GRAVITY[0] < force < _GRAVITY[1]
@@ -320,6 +321,7 @@ def _fixes(values: FloatArray) -> GnssLog:
         (values[:, 7:10], values[:, 10:]) if values.shape[1] == _WITH_VELOCITY else (unknown,) * 2
     )
     place, speed = values[:, 1:3], np.linalg.norm(velocity[:, :2], axis=1)
+    # As if in radians: in degrees the path would be 57 times as long as the velocities say.
     along = np.column_stack((np.diff(place[:, 0]), np.diff(place[:, 1]) * np.cos(place[1:, 0])))
     moved, path = np.hypot(*along.T).sum() * SEMI_MAJOR_AXIS, float(speed[1:] @ np.diff(time))
     is_radians = _RATIO[0] * path < moved < _RATIO[1] * path

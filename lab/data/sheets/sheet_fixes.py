@@ -289,6 +289,7 @@ def _velocity(
         used += [speed, course]
         pace, angle = speed.values[rows], course.values[rows]
         pace, angle = np.where(pace >= 0, pace, np.nan), np.where(angle >= -np.pi, angle, np.nan)
+        # At rest any course will do.
         angle = np.where(pace == 0, np.nan_to_num(angle), angle)
         velocity[:, 0], velocity[:, 1] = pace * np.cos(angle), pace * np.sin(angle)
     vertical = down if down is not None else up

@@ -164,6 +164,7 @@ def _warm_up(experiment: Experiment) -> float:
     """Run once more for the time, and return it [s]; the first run of a model also compiles its code."""
     stranger = experiment.copy()
     scale = experiment.navigator.q_scale
+    # Changed by nothing that matters, so that the cache does not answer.
     stranger.set("navigator.q_scale", scale * (1 - 1e-9 if scale > 1 else 1 + 1e-9))
     try:
         return stranger.run().seconds
