@@ -6,7 +6,6 @@ a folder, and the only models that are asked, for a short run.
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,7 +32,6 @@ from lab.navigation.settings import NavigatorSettings
 from lab.views.budget import FAMILIES
 from lab.views.quantities import aid_plots
 
-GROUND = importlib.import_module("lab.sensors.radar_altimeter").GROUND
 KIND = NAMES.index("height above ground")
 GROUP = "sensors.radar_altimeter"
 FLOWN = {"trajectory.imu_rate": 10.0, f"{GROUP}.fitted": True}
@@ -101,7 +99,8 @@ def check_log_and_stream(folder: Path) -> None:
     imu, fixes, trajectory = driven(late=0.2)
     imu, fixes = imu[: int(END * RATE)], fixes[fixes["time"] < HOST + END]
     times = np.arange(0.1, END, 0.25)
-    height = trajectory.at(times).height - GROUND + np.random.default_rng(1).normal(0, 0.3, times.size)
+    height = suite().radar_altimeter.truth(trajectory, 1, times)
+    height += np.random.default_rng(1).normal(0, 0.3, times.size)
     rows = reading_rows("radar_height", times, height, 0.1)
     sensors = suite()
     sensors.set("radar_altimeter.fitted", True)
@@ -126,12 +125,18 @@ def check_log_and_stream(folder: Path) -> None:
 
 
 def check_text_lines() -> None:
-    """Ask that a device that writes text sends it in a column."""
-    decoder = TextLines(ColumnMap.of("time[s],force_x[g],force_y[g],force_z[g],radar_height[m]"))
-    found = decoder.feed(b"\n".join(b"%.2f,0,0,-1,%d.5" % (0.1 * k, k) for k in range(1, 30)) + b"\n")
-    values = found.reading["radar_height"]
-    np.testing.assert_array_equal(values, np.arange(2, 30) + 0.5)  # the first line may be cut
-    assert np.isnan(found.reading["speed"]).all()
+    """Ask that a device that writes text sends it in a column, in the units that a length has."""
+    for unit, metres in (("m", 1.0), ("ft", 0.3048), ("cm", 0.01)):
+        header = f"time[s],force_x[g],force_y[g],force_z[g],radar_height[{unit}]"
+        lines = b"\n".join(b"%.2f,0,0,-1,%d.5" % (0.1 * k, k) for k in range(1, 30)) + b"\n"
+        said = TextLines(ColumnMap.of(header))
+        for decoder, text in ((said, lines), (TextLines(), f"{header}\n".encode() + lines)):
+            found = decoder.feed(text)
+            values = found.reading["radar_height"]
+            first = 30 - values.size  # without a header, the first line may be cut
+            assert first <= 2
+            np.testing.assert_allclose(values, metres * (np.arange(first, 30) + 0.5))
+            assert np.isnan(found.reading["speed"]).all()
 
 
 if __name__ == "__main__":

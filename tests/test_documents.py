@@ -12,6 +12,7 @@ from document_code import DOCUMENTS, ROOT, name_of
 from typer.main import get_command
 
 from dashboards.command_line import COMMANDS, app
+from lab.base.aid_table import AIDS
 from lab.data.rebuild.import_settings import ImportSettings
 from lab.experiment.experiment import Experiment
 
@@ -103,6 +104,18 @@ def test_every_setting_exists(document: Path) -> None:
         if option == "--set" and "…" not in assignment:
             of_experiment = assignment.partition("=")[0].count(".")
             (experiment if of_experiment else importing).set_texts([assignment.replace('"', "")])
+
+
+def test_every_other_sensor_is_in_the_tables_of_its_kind() -> None:
+    """What it measures, its file in a log, and what a stream has of it."""
+    filters, logs, live = (
+        (ROOT / f"docs/{name}.md").read_text("utf-8") for name in ("filters", "logs", "live")
+    )
+    for aid in AIDS:
+        setting = f"`sensors.{aid.name}.fitted`"
+        assert re.search(rf"^\| {setting} \|", filters, re.M), aid.name
+        assert re.search(rf"^\| `{aid.file}` \| `t_s,{aid.column.name}`", logs, re.M), aid.name
+        assert not aid.live or re.search(rf"^\|.*{setting}", live, re.M), aid.name
 
 
 def test_every_command_is_in_the_list_of_commands() -> None:

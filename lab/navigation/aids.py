@@ -220,7 +220,9 @@ def _see_airspeed(state: FloatArray, v: Vector, airspeed: float, H: FloatArray) 
 
 
 @inline_kernel
-def _see_none(kind: int, state: FloatArray, v: Vector, age: float, value: float, H: FloatArray) -> float:
+def _see_none(
+    kind: int, state: FloatArray, C: Matrix, v: Vector, age: float, value: float, H: FloatArray
+) -> float:
     """Return zero: no further sensor is declared."""
     return 0.0
 
@@ -234,13 +236,13 @@ from lab.navigation.kernels.compilation import inline_kernel
 
 
 @inline_kernel
-def see_further(kind, state, v, age, value, H):
+def see_further(kind, state, C, v, age, value, H):
 {branches}
     return 0.0
 '''
 _BRANCH = """
     if kind == {kind}:
-        seen, error = see_{k}(state, v, age, H), state[{place}]
+        seen, error = see_{k}(state, C, v, age, H), state[{place}]
         if {is_scale}:
             for i in range({core}):
                 H[i] *= 1 + error
@@ -249,11 +251,13 @@ _BRANCH = """
         return ((1 + error) * seen if {is_scale} else seen + error) - value"""
 
 
-def build_further_kernel() -> Callable[[int, FloatArray, Vector, float, float, FloatArray], float]:
+def build_further_kernel() -> Callable[[int, FloatArray, Matrix, Vector, float, float, FloatArray], float]:
     """Return the kernel that sees the further sensors of the aid table, with their biases or scale factors.
 
-    Each has a module of its own with its `see`, which returns what it measures without errors, and writes
-    the elements of H for position, velocity, attitude and biases.
+    Each has a module of its own with its ``see(state, C, v, age, H)``, which returns what it measures without
+    errors, and writes the elements of H for position, velocity, attitude and biases. C takes b to north,
+    east, down, and v is the velocity there, both at the time of the reading; the state is that at the end of
+    the sample, `age` later.
     """
     if not FURTHER:
         return _see_none
@@ -321,9 +325,8 @@ def predict_aid(
     if NORTHWARD <= kind <= VERTICAL:
         H[3 + kind - NORTHWARD] = 1.0
         return float(v[kind - NORTHWARD] - value)
-    if kind >= AIRSPEED:
-        further = kind > AIRSPEED
-        return see_further(kind, state, v, age, value, H) if further else _see_airspeed(state, v, value, H)
+    if kind == AIRSPEED:
+        return _see_airspeed(state, v, value, H)
     rate = plus((0.0, 0.0, 0.0), state[strapdown.PER_STEP], get(state, strapdown.PREVIOUS_DTHETA))
     at = strapdown.Q_NB
     # The attitude, turned back by the corrected rate of the sample.
@@ -343,8 +346,9 @@ def predict_aid(
         (columns[0][1], columns[1][1], columns[2][1]),
         (columns[0][2], columns[1][2], columns[2][2]),
     )
-    if kind == HEADING:
-        return _see_azimuth(state, (C[0][0], C[1][0], C[2][0]), value, H)
-    if kind == MAGNETIC:
-        return _see_azimuth(state, rotate(C, get(field, 0)), value, H)
+    if kind > AIRSPEED:
+        return see_further(kind, state, C, v, age, value, H)
+    if HEADING <= kind <= MAGNETIC:
+        axis = (C[0][0], C[1][0], C[2][0]) if kind == HEADING else rotate(C, get(field, 0))
+        return _see_azimuth(state, axis, value, H)
     return _see_speed(state, kind - FORWARD, C, v, rate, get(place, 0), value, H)

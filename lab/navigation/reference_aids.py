@@ -59,7 +59,7 @@ def predict_aid(
         _write(row, names, blocks.AIRSPEED_SCALE, speed)
         return scale * speed - value, row
     if kind > AIRSPEED:
-        return _predict_further(kind - AIRSPEED - 1, state, velocity, age, value, names)
+        return _predict_further(kind - AIRSPEED - 1, state, C_nb, velocity, age, value, names)
     if kind >= NORTHWARD:
         row[VEL][kind - NORTHWARD] = 1.0
         return float(velocity[kind - NORTHWARD] - value), row
@@ -76,12 +76,18 @@ def predict_aid(
 
 
 def _predict_further(
-    k: int, state: FloatArray, velocity: FloatArray, age: float, value: float, names: tuple[str, ...]
+    k: int,
+    state: FloatArray,
+    C_nb: FloatArray,
+    velocity: FloatArray,
+    age: float,
+    value: float,
+    names: tuple[str, ...],
 ) -> tuple[float, FloatArray]:
     """Return navigator minus a reading of further sensor k of the aid table, and its row of H (n,)."""
     aid, own, row = FURTHER[k], state[strapdown.AID_ERRORS + k], np.zeros(blocks.count(names))
     see = importlib.import_module(aid.belief).see_by_matrices
-    seen, row[: blocks.CORE] = see(state, velocity, age)
+    seen, row[: blocks.CORE] = see(state, C_nb, velocity, age)
     if aid.is_scale:
         row *= 1 + own
     _write(row, names, aid.state, seen if aid.is_scale else 1.0)

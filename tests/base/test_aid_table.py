@@ -1,7 +1,8 @@
 """Aid table: a new sensor costs a row and two files, and is then everywhere.
 
-A radar altimeter above flat ground is added to a copy of the lab, in the way of CONTRIBUTING: the row, the
-truth side and the belief side. Its kernels run as plain Python.
+A radar altimeter above flat ground, whose beam points where the floor of the vehicle does, is added to a copy
+of the lab, in the way of CONTRIBUTING: the row, the truth side and the belief side. Its kernels run as plain
+Python.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ BIAS = """    bias_sigma = readings.bias_sigma(2.0, unit="m", bounds=(0, 100))
 """
 SCALE = """    scale_factor_sigma = Quantity(1.0, unit="%", bounds=(0, 50), doc="Of its scale factor.")
 """
-TRUTH = '''"""Radar altimeter: the height above flat ground."""
+TRUTH = '''"""Radar altimeter: the distance to flat ground along the axis of the vehicle that points down."""
+
+import numpy as np
 
 from lab.base.parameters.setting_kinds import Quantity
 from lab.sensors import readings
@@ -60,30 +63,37 @@ class RadarAltimeterErrors(AidSensor):
 {errors}    outages = readings.outages()
 
     def truth(self, trajectory, seed, times):
-        """Return the true heights above the ground (a,) at times (a,) [m]."""
-        return trajectory.at(times).height - GROUND
+        """Return the true distances (a,) at times (a,) [m]."""
+        truth = trajectory.at(times)
+        return (truth.height - GROUND) / (np.cos(truth.euler[:, 0]) * np.cos(truth.euler[:, 1]))
 '''
-BELIEF = '''"""Radar altimeter: how a filter sees the height above flat ground."""
+BELIEF = '''"""Radar altimeter: how a filter sees the distance to flat ground."""
 
 import numpy as np
 
+from lab.motion.frames.rotation import skew
 from lab.navigation import strapdown
 from lab.navigation.kernels.compilation import inline_kernel
 from lab.sensors.radar_altimeter import GROUND
 
 
 @inline_kernel
-def see(state, v, age, H):
-    """Return the height above the ground by the navigator at the time of the reading."""
-    H[2], H[5] = -1.0, age
-    return state[strapdown.HEIGHT] + age * v[2] - GROUND
+def see(state, C, v, age, H):
+    """Return the distance by the navigator at the time of the reading."""
+    level = C[2][2]
+    seen = (state[strapdown.HEIGHT] + age * v[2] - GROUND) / level
+    H[2], H[5] = -1.0 / level, age / level
+    H[6], H[7] = seen * C[1][2] / level, -seen * C[0][2] / level
+    return seen
 
 
-def see_by_matrices(state, velocity, age):
+def see_by_matrices(state, C_nb, velocity, age):
     """Return the same, and its row of H for the first 15 states."""
-    row = np.zeros(15)
-    row[2], row[5] = -1.0, age
-    return state[strapdown.HEIGHT] + age * velocity[2] - GROUND, row
+    row, axis = np.zeros(15), C_nb[:, 2]
+    seen = (state[strapdown.HEIGHT] + age * velocity[2] - GROUND) / axis[2]
+    row[[2, 5]] = np.array([-1.0, age]) / axis[2]
+    row[6:9] = -seen / axis[2] * skew(axis)[2]  # the axis changes by c × φ
+    return seen, row
 '''
 
 

@@ -63,6 +63,8 @@ UNITS: dict[str, Factors] = {name: Factors(units) for name, units in {
     "pressure": {"hPa": 100.0, "kPa": 1000.0, "Pa": 1.0, "mbar": 100.0, "bar": 1e5, "inHg": 3386.389},
 }.items()}  # fmt: skip
 """Factor to SI of each unit, by quantity; angles in radians, magnetic fields in µT."""
+KIND_OF_SI = {unit: kind for kind, units in UNITS.items() for unit, factor in units.items() if factor == 1}
+"""The quantity of each unit whose factor is one, such as length of m."""
 
 _SPELLINGS = {spelling: unit for unit, spellings in {
     "s": "с seconds second sec secs",

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.base.aid_table import FURTHER
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.toml_file import read_toml
@@ -28,6 +27,7 @@ from lab.data.protocols.column_map import (
     IGNORED,
     MAX_COLUMNS,
     OF_A_FIX,
+    OF_FURTHER,
     SEPARATORS,
     SOURCE,
     VECTORS,
@@ -58,7 +58,7 @@ _STREAMED = (
     # A heading without a word is often magnetic, and a speed that of a receiver: both have to be said.
     ("heading", "angle", re.compile(r"true heading|heading true")),
     ("speed", "speed", re.compile(r"(?:wheel|odo|odometer) ?speed|odo|odometer")),
-    *((aid.live, "", re.compile(aid.live.replace("_", " "))) for aid in FURTHER if aid.live),
+    *((name, kind, re.compile(name.replace("_", " "))) for name, kind in OF_FURTHER.items()),
 )
 """Names of what only streams have, each with the kind of its unit."""
 _SHARED = {

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from lab.base.aid_table import FURTHER, SENT
-from lab.data.files.unit_names import UNITS, Factors, unit_of
+from lab.data.files.unit_names import KIND_OF_SI, UNITS, Factors, unit_of
 
 _AXES = ("x", "y", "z")
 VECTORS = ("rate", "force", "magnetic")
 """Quantities with an x, a y and a z."""
 CLOCK = "clock"
 """Unit of a time that is written as hours:minutes:seconds."""
+OF_FURTHER = {aid.live: KIND_OF_SI[aid.unit] for aid in FURTHER if aid.live}
+"""Readings of further sensors of the aid table, and what their units are spelled as."""
 UNITS_OF = {
     "time": Factors({**UNITS["time"], CLOCK: 1.0}),
     "fraction": UNITS["time"],
@@ -29,14 +31,14 @@ UNITS_OF = {
     "longitude": UNITS["angle"],
     "altitude": UNITS["length"],
     **dict.fromkeys(("north", "east", "down"), UNITS["speed"]),
-    **{aid.live: Factors({aid.unit: 1.0}) for aid in FURTHER if aid.live},
+    **{name: UNITS[kind] for name, kind in OF_FURTHER.items()},
 }
 """Factor to SI of each unit, by quantity."""
 _KINDS = {
     "time": "time", "fraction": "time", "rate": "angular rate", "force": "acceleration",
     "magnetic": "magnetic field", "pressure": "pressure", "heading": "angle", "speed": "speed",
     "latitude": "angle", "longitude": "angle", "altitude": "length", "north": "speed", "east": "speed",
-    "down": "speed",
+    "down": "speed", **OF_FURTHER,
 }  # fmt: skip
 """What the units of a quantity are spelled as (`lab.data.files.unit_names`)."""
 OF_A_FIX = ("latitude", "longitude", "altitude", "north", "east", "down")
