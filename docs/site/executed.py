@@ -1,6 +1,7 @@
 """Executed notebooks: outputs of their cells, kept in ``build/notebooks`` until they would be others.
 
-They are kept with the digests of the files of the lab that the notebook imported, also while its cells ran.
+They are kept with the digests of the files of the lab that the notebook imported or opened, such as cards of
+sensors and missions, also while its cells ran.
 
 Plots are those that Jupyter shows, drawn by the scripts of Bokeh and Panel, which the site brings along.
 """
@@ -40,11 +41,21 @@ NETWORK = f"https://cdn.holoviz.org/panel/{panel.__version__}/dist/"
 LOADING = {"application/javascript", "application/vnd.holoviews_load.v0+json"}
 """Kinds of output with which Jupyter loads scripts: the page has its own."""
 
-USED = """
-import json, sys
-print(json.dumps([vars(one)["__file__"] for one in list(sys.modules.values()) if vars(one).get("__file__")]))
+WATCHED = """
+import sys
+sys.opened = set()
+sys.addaudithook(lambda event, given: sys.opened.add(given[0]) if event == "open" else None)
 """
-"""A last cell, which prints the files of all modules that the notebook has imported."""
+"""A first cell, which has Python remember the files that are opened."""
+USED = """
+import json, os, sys
+_opened = {os.fspath(one) for one in sys.opened if isinstance(one, (str, os.PathLike))}
+_imported = {vars(one).get("__file__") for one in list(sys.modules.values())}
+print(json.dumps([*(one for one in _opened if not one.endswith((".py", ".pyc"))), *filter(None, _imported)]))
+"""
+"""A last cell, which prints them without those of Python, and the files of all modules that were imported."""
+FOLDERS = ROOT / "lab", ROOT / "missions"
+"""Where the files stand that are the lab's."""
 
 Cell = dict[str, Any]
 _log = logging.getLogger(__name__)
@@ -58,7 +69,7 @@ class Executed(NamedTuple):
     cells : list of dict
         Its cells with their outputs.
     files : dict
-        The files of the lab that it imported, within the repository, and their digests.
+        The files of the lab that it imported or opened, within the repository, and their digests.
     """
 
     cells: list[Cell]
@@ -108,14 +119,16 @@ def executed(name: str, source: str, cache: Path) -> Executed:
     _log.info("executing %s", name)
     begin = time.monotonic()
     notebook = jupytext.reads(source, fmt="py:percent")
-    notebook.cells.append(new_code_cell(USED))
+    notebook.cells = [new_code_cell(WATCHED), *notebook.cells, new_code_cell(USED)]
     with TemporaryDirectory() as folder:
         resources = {"metadata": {"path": folder}}
-        NotebookClient(notebook, timeout_func=longest, resources=resources).execute()
+        # Below errors, it warns that other users of this computer could listen.
+        quiet = ["--log-level=ERROR"]
+        NotebookClient(notebook, timeout_func=longest, resources=resources, extra_arguments=quiet).execute()
     _log.info("executed %s in %.0f s", name, time.monotonic() - begin)
-    *cells, last = (dict(cell) for cell in notebook.cells)
-    paths = [Path(path) for path in json.loads(last["outputs"][0]["text"])]
-    own = sorted(path for path in paths if path.is_relative_to(ROOT / "lab"))
+    _, *cells, last = (dict(cell) for cell in notebook.cells)
+    paths = {Path(path) for path in json.loads(last["outputs"][0]["text"])}
+    own = sorted(path for path in paths if any(map(path.is_relative_to, FOLDERS)) and path.is_file())
     files = {path.relative_to(ROOT).as_posix(): digest(path.read_bytes()) for path in own}
     made = Executed(cells, files)
     cache.mkdir(parents=True, exist_ok=True)

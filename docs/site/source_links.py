@@ -56,6 +56,7 @@ def find_names(app: Sphinx, doctree: nodes.document) -> None:
         if place and not isinstance(literal.parent, nodes.reference):
             module, inside, _ = place
             wanted.setdefault(here, set()).add(place)
+            app.env.note_dependency(str(ModuleAnalyzer.for_module(module).srcname))
             target = f"{FOLDER}/{module.replace('.', '/')}.html"
             link = nodes.reference(
                 "", "", internal=True, refuri=f"{relative_uri(f'{here}.html', target)}#{inside}"

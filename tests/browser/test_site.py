@@ -9,6 +9,7 @@ import importlib.util
 import inspect
 import json
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from PIL import Image, ImageStat
 from playwright.sync_api import Browser, Page, expect
 
 import lab
+from lab.base.aid_table import AIDS
 from lab.experiment.experiment import Experiment
 from tests.browser.conftest import ROOT, new_context, wait_for
 
@@ -217,7 +219,7 @@ NOTEBOOK = """\
 import holoviews as hv
 import pandas as pd
 import panel as pn
-from lab import earth
+from lab import card, earth
 
 hv.extension("bokeh", inline=pn.config.inline)
 pn.extension()
@@ -230,15 +232,17 @@ pn.Column(pn.widgets.FloatSlider(label="Noise", start=0, end=1), hv.Curve([(0, 1
 
 # %%
 print("said aloud")
+card("BMI270")
 pd.DataFrame({"wide": [1.5]})
 """
+ORPHAN = "---\norphan: true\n---\n\n"
 CONF = f"""\
 import sys
 
 sys.path.insert(0, {str(SITE)!r})
-extensions = ["myst_parser", "executed", "mathml", "percent"]
-source_suffix = {{".py": "percent"}}
-include_patterns = ["notebooks/*.py"]
+extensions = ["myst_parser", "executed", "mathml", "percent", "settings_list", "source_links"]
+source_suffix = {{".md": "markdown", ".py": "percent", ".rst": "restructuredtext"}}
+include_patterns = ["notebooks/*.py", "places.md", "settings.rst"]
 exclude_patterns = ["conf.py"]
 root_doc = "notebooks/short"
 myst_enable_extensions = ["dollarmath"]
@@ -283,8 +287,26 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "notebooks").mkdir()
     (folder / "notebooks/short.py").write_text(NOTEBOOK, "utf-8")
     (folder / "conf.py").write_text(CONF, "utf-8")
+    (folder / "places.md").write_text(f"{ORPHAN}# Places\n\n`lab.navigation.strapdown.step`\n", "utf-8")
+    (folder / "settings.rst").write_text(":orphan:\n\nSettings\n========\n\n.. sensor-lists::\n", "utf-8")
     build("-b", "html", "-D", f"notebook_cache={folder / 'cache'}", str(folder), str(folder / "html"))
     return folder / "html/notebooks/short.html"
+
+
+@pytest.mark.proof
+def test_a_page_is_made_anew_when_what_it_shows_changes(short: Path) -> None:
+    """Code and cards that a notebook used, sources of links, and declarations of settings."""
+    folder = short.parents[1]
+    environment = pickle.loads((folder / ".doctrees/environment.pickle").read_bytes())
+    for name, files in {
+        "notebooks/short": ("motion/frames/earth.py", "sensors/cards.toml"),
+        "places": ("navigation/strapdown.py",),
+        "settings": ("sensors/readings.py", "sensors/airspeed.py", "base/aid_table.py"),
+    }.items():
+        known = {(folder.parent / file).resolve() for file in environment.dependencies[name]}
+        assert known >= {ROOT / "lab" / file for file in files}, name
+    text = (folder / "settings.html").read_text("utf-8")
+    assert [text.count(f">sensors.{aid.name}.fitted</span>") for aid in AIDS] == [1] * len(AIDS)
 
 
 @pytest.mark.proof
