@@ -15,7 +15,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Frame, Page, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    ConsoleMessage,
+    Frame,
+    Page,
+    ViewportSize,
+    expect,
+    sync_playwright,
+)
 from text_outputs import still_dot
 
 from dashboards import devices
@@ -43,6 +52,7 @@ processor. Tests that measure speed go without."""
 HARMLESS = ("THREE.", "GPU stall", "GL Driver Message", "could not set initial ranges", "WebGL")
 
 WIDTH, HEIGHT = 1440, 900
+SIZE: ViewportSize = {"width": WIDTH, "height": HEIGHT}
 """Size of the windows of pages [px]."""
 
 PATIENCE = 240_000.0
@@ -63,6 +73,12 @@ WHOLE = f"""{IDLE} && ((cards) => cards.length && cards.every(
   (card) => card.data.collapsed || card.data.objects[0].children.length
 ))([...Bokeh.documents[0].all_models].filter((one) => one.name === "Card"))"""
 """Whether the settings are there, which come after the plots."""
+SEEN = f"""((time, cursor) => String([{CURVE}, ...[time.start, time.end, cursor.location].map(Math.round)]))(
+  ...["time axis", "time cursor"].map((name) => Bokeh.documents[0].get_model_by_name(name)))"""
+"""The first curve of the page, the time that is in sight, and that of the cursor to a second, as one text."""
+AS_OPENED = f"""{IDLE} && location.search === '{ERRORS}' && !window.insLabUnheard.size &&
+  {DATA} && {SEEN} === window.asOpened"""
+"""Whether a page that tests share shows what it showed at first, and waits for no answer."""
 DRAWN = f"{WHOLE} && Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
 
 
@@ -267,17 +283,26 @@ class Keeper:
             self.page = watched(self._chromium, self._address, self.complaints)
             self.page.goto(self._address + ERRORS)
             wait_for(self.page, DRAWN)
-            remember(self.page, "asOpened", CURVE)
+            remember(self.page, "asOpened", SEEN)
         return self.page
 
     def restore(self) -> None:
         """Turn the page back to what it showed at first, with its own controls."""
         page = self.page
         assert page is not None
+        if page.viewport_size != SIZE:
+            page.set_viewport_size(SIZE)
+        if page.get_by_role("alert").count() or not page.evaluate(AS_OPENED):
+            self._turn_back(page)
+        page.mouse.move(1, 1)  # over no button, whose tooltip would be there
+        page.evaluate("document.activeElement.blur()")
+        expect(page.get_by_role("alert")).to_have_count(0)
+
+    def _turn_back(self, page: Page) -> None:
+        """Turn a page back that shows something else."""
         show(page, "Errors")
         if page.get_by_role("button", name="Close Lessons").is_visible():
             page.get_by_role("button", name="Close Lessons").click()
-        page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
         wait_for(page, DRAWN)
         mission = page.get_by_role("combobox", name="Mission")
         if mission.inner_text() != "Montréal":
@@ -286,11 +311,7 @@ class Keeper:
         reset(page)
         page.get_by_role("slider", name="Time").press("Home")
         page.get_by_role("button", name="Whole flight", exact=True).click()
-        wait_for(page, f"location.search === '{ERRORS}' && {CURVE} === window.asOpened")
-        wait_for(page, IDLE)
-        page.mouse.move(1, 1)  # over no button, whose tooltip would be there
-        page.evaluate("document.activeElement.blur()")
-        expect(page.get_by_role("alert")).to_have_count(0)
+        wait_for(page, AS_OPENED)
 
     def close(self) -> None:
         """Close the page."""
