@@ -103,15 +103,15 @@ def test_advice_on_one_wrong_matrix_is_given(seed, change):
 
 
 def test_changes_are_applied_to_what_the_filter_assumed():
-    result = Experiment(seed=1).run()
+    result = Experiment(seed=1).update({"navigator": {"q_scale": 0.1}}).run()
     changes = (
         Change("navigator.r", 4.0, times=True, rows=(3, 6)),
-        Change("navigator.q_scale", 3.0, times=True),
+        Change("navigator.q_scale", 9.8, times=True),
         Change("navigator.latency", 0.2),
     )
     changed = trial.apply_changes(result, changes)
     assert np.allclose(changed.navigator.r, np.diag(result.belief.R) * [1, 1, 1, 4, 4, 4])
-    assert changed.navigator.q_scale == 3
+    assert changed.navigator.q_scale == 0.98  # 0.1 × 9.8 has other last digits in binary
     assert changed.navigator.latency == 0.2
     assert result.experiment.navigator.latency is None
 

@@ -293,7 +293,7 @@ def apply_changes(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSet
             assert isinstance(value, float | int)
             own = experiment.get(change.path)
             if change.rows is None:
-                value = float(own) * value
+                value = float(f"{float(own) * value:.12g}")  # 0.1 × 9.8 is 0.98, and not 0.9800000000000001
             else:
                 now = np.array(matched[change.path] if own is None else own, dtype=np.float64)
                 scale = np.ones(now.shape[0])
