@@ -68,6 +68,8 @@ def test_a_chip_names_the_first_finding_and_counts_the_others() -> None:
     assert named(fine) == "● Consistent"
     assert named(Verdict("A sentence. (1 more)", wrong, "one run")) == "● Q 9.9 × too small +1"
     assert named(Verdict("A sentence.", wrong[1:], "one run")) == "● GPS latency not modelled"
+    linear = finding("linear model", "not modelled", 0.66)
+    assert named(Verdict("A sentence.", (linear,), "one run")) == "● Beyond the linear model"
     assert named(Verdict("Unknown.", (), NOTHING)) == f"○ {UNKNOWN}"
 
 
