@@ -8,10 +8,11 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from threading import Lock
 from typing import Any, Generic, TypeVar
+from weakref import WeakValueDictionary
 
 from dashboards.upload import without_folder
 from lab.base.blas_threads import keep_one_blas_thread
@@ -20,7 +21,7 @@ from lab.base.processors import processors
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.missions import MissionError
+from lab.missions import Mission, MissionError
 
 log = logging.getLogger(__name__)
 
@@ -38,6 +39,8 @@ it."""
 
 T = TypeVar("T")
 
+_shown: WeakValueDictionary[int, Result] = WeakValueDictionary()
+"""Results that pages show, by the identity of their solution, which all runs of the same settings share."""
 _in_line: set[LatestWins[Any]] = set()
 """What waits for a thread of its pool."""
 _last_run = [-math.inf]
@@ -196,13 +199,29 @@ def run(
 
     def work() -> Result:
         _last_run[0] = time.monotonic()
-        result = experiment.run(progress) if ready is None else ready
+        result = share_result(experiment.run(progress)) if ready is None else ready
         _last_run[0] = time.monotonic()
         if prepare is not None:
             prepare(result)
         return result
 
     return attempt(work)
+
+
+def share_result(result: Result) -> Result:
+    """Return the result of the same run that a page shows already, if one does, or else the given one.
+
+    Most pages open with the same settings. What is derived of a result, as errors, σ and verdict, is kept
+    with it, and made once for all of these pages. Results do not change.
+    """
+    other = _shown.setdefault(id(result.solution_arrays), result)
+    mine, its = result.experiment, other.experiment
+    is_same = (
+        all(getattr(result.mission, one.name) == getattr(other.mission, one.name) for one in fields(Mission))
+        and mine.hidden == its.hidden
+        and mine.to_dict() == its.to_dict()
+    )
+    return other if is_same else result
 
 
 def attempt(work: Callable[[], Any]) -> Outcome:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
+from weakref import ref
 
 import pytest
 from bokeh.document import Document
 
-from dashboards.computing import Outcome
+from dashboards.computing import Outcome, run
 from dashboards.progress import ProgressText
 from dashboards.session import Session
 from lab.base.parameters.setting_error import SettingError
 from lab.experiment.experiment import Experiment
+from lab.experiment.result import Result
 from lab.missions import missions
 
 
@@ -64,6 +67,22 @@ def test_the_progress_says_what_is_done_after_the_computation(session: Session) 
     ):
         session.param.update(stage=stage, fraction=fraction)
         assert shown.object == words
+
+
+def test_pages_with_the_same_settings_share_a_result_while_one_shows_it() -> None:
+    def result(**changed: object) -> Result:
+        found = run(Experiment(mission="los_angeles").update(changed)).result
+        assert isinstance(found, Result)
+        return found
+
+    first = result()
+    assert result() is first
+    assert result(seed=2) is not first
+    assert result(seed=2).errors is not first.errors
+    gone = ref(first)
+    del first
+    gc.collect()
+    assert gone() is None
 
 
 def test_a_closed_session_keeps_no_result(session: Session) -> None:
