@@ -73,16 +73,12 @@ class SettingFinder:
             sx={"whiteSpace": "nowrap", "& button, &": {"padding": "3px 10px"}},
         )
         self._last = pmui.CheckButtonGroup(options={}, value=[], size="small", margin=(0, 0, 4, 0), sx=_LAST)
-        self._strip = pn.Column(
-            pn.pane.HTML("<small>Changed last</small>", margin=0), self._last, margin=0, visible=False
-        )
+        self._strip = pn.Column(pn.pane.HTML("<small>Changed last</small>", margin=0), self._last, margin=0)
         self._place = plain_column(margin=(0, 10), visible=False)
         self._box.param.watch(lambda _event: self._seek(), "value_input")
         self._only.param.watch(lambda _event: self._seek(), "value")
         self._last.param.watch(lambda _event: self._seek(), "value")
-        self.view = plain_column(
-            self._box, plain_row(self._only, others[0]), others[1], self._strip, self._place
-        )
+        self.view = plain_column(self._box, plain_row(self._only, others[0]), others[1], self._place)
 
     def count(self) -> None:
         """Say how many settings are changed."""
@@ -100,7 +96,8 @@ class SettingFinder:
             return
         self._recent = [*self._recent[-LAST + 1 :], path]
         self._offer()
-        self._strip.visible = True
+        if self._strip not in self.view.objects:
+            self.view.insert(3, self._strip)
 
     def rename(self, names: Mapping[str, tuple[str, ...]]) -> None:
         """Take other names of the settings."""

@@ -177,7 +177,7 @@ class SettingsPanel:
             return SECTIONS[owner][0], *shown_first, path
 
         return {
-            path: named(path, owner, owner_settings.param[name])
+            path: named(path, owner, owner_settings.param.objects("existing")[name])
             for path, owner_settings, name in experiment.leaves()
             if (owner := path.rpartition(".")[0]) in SECTIONS and path not in OF_NOTEBOOKS
         }
@@ -342,9 +342,7 @@ class SettingsPanel:
         paths = [path for path, _, _ in self._session.experiment.leaves() if path.startswith(f"{group}.")]
         common = [path for path in paths if path in COMMON]
         others = [path for path in paths if path not in COMMON | OF_NOTEBOOKS]
-        body = plain_column(margin=(0, 4, 8, 4))
         card = Card(
-            body,
             title=title,
             title_variant="subtitle2",
             collapsed=not is_open,
@@ -354,8 +352,9 @@ class SettingsPanel:
         )
 
         def fill(*_events: param.parameterized.Event) -> None:
-            if not card.collapsed and not body.objects:
-                body[:] = [*(self._make(path) for path in common), *([self._more(others)] if others else [])]
+            if not card.collapsed and not card.objects:
+                more = [self._more(others)] if others else []
+                card[:] = [plain_column(*map(self._make, common), *more, margin=(0, 4, 8, 4))]
 
         card.param.watch(fill, "collapsed")
         if is_open:
@@ -363,7 +362,6 @@ class SettingsPanel:
         return self._suited(card, paths)
 
     def _more(self, paths: list[str]) -> pn.viewable.Viewable:
-        inside = plain_column(visible=False)
         toggle = pmui.Toggle(
             label="More",
             icon="expand_more",
@@ -375,15 +373,15 @@ class SettingsPanel:
         )
 
         def unfold(event: param.parameterized.Event) -> None:
-            if not inside.objects:
-                inside[:] = [self._make(path) for path in paths]
-            inside.visible = event.new
+            if len(column) == 1:
+                column.append(plain_column(*(self._make(path) for path in paths)))
+            column[1].visible = event.new
             toggle.param.update(
                 label="Less" if event.new else "More", icon="expand_less" if event.new else "expand_more"
             )
 
         toggle.param.watch(unfold, "value")
-        column = plain_column(toggle, inside)
+        column = plain_column(toggle)
         return self._suited(column, paths)
 
     def _field(self, path: str, fields: dict[str, Field]) -> Field:

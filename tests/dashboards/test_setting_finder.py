@@ -144,7 +144,7 @@ def test_a_setting_that_is_changed_in_its_other_form_is_marked_and_at_hand(walk:
 def test_the_last_three_settings_are_at_hand(walk: Walk) -> None:
     panel = panel_of(walk)
     last = panel._finder._last
-    assert not panel._finder._strip.visible
+    assert panel._finder._strip not in panel._finder.view.objects
     for path, text in ((NOISE, "0.2"), (Q, "0.5"), ("navigator.r_scale", "2"), (NOISE, "0.3")):
         panel._fields[path]._box.value = text
     assert list(last.options) == ["White noise", "Q scale", "R scale"]
