@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache, wraps
 from typing import Any
 
@@ -16,18 +18,26 @@ from panel.config import config
 from panel.custom import ReactComponent, ReactiveESM
 from panel.io import resources
 from panel.io.state import state
+from panel.layout import Column
 from panel.pane import Bokeh
 from panel.reactive import Reactive, Syncable
 from panel.util import classproperty
+from panel.util.parameters import edit_readonly
 from panel.viewable import is_viewable_param
 from panel.widgets.base import WidgetBase
 from panel_material_ui.base import MaterialComponent
+from panel_material_ui.layout import Card
 from panel_material_ui.theme import MaterialDesign
-from panel_material_ui.widgets import Button
+from panel_material_ui.widgets import Button, IconButton, Select, Toggle
+from param.parameterized import Parameters, no_instance_params
+
+from dashboards.upstream.remembered_defaults import CONSTANT
 
 MOST_PATHS = 1024
 """Most pairs of file and folder whose relation is cached; a page needs 60."""
 
+_ALIKE = (Card, Column, IconButton, Select, Toggle)
+"""Components that never change their own declarations, and of which a page has most."""
 _FOLLOWED = (WidgetBase, param.Parameter)
 """Types of values that a component follows, in Panel's code."""
 
@@ -46,6 +56,7 @@ def begin_components_faster() -> None:
     """Make Panel begin components faster from now on."""
     _share_declarations()
     _begin_components()
+    _take_values()
     _place_figures()
     _remember_paths()
     _remember_classes()
@@ -131,14 +142,47 @@ def _begin_components() -> None:
 
     @wraps(begin_reactive)
     def reactive(component: Reactive, refs: Any = None, **values: Any) -> None:
-        if refs is not None or type(component) not in marked:
-            marked.add(type(component))
+        kind = type(component)
+        if kind not in marked and issubclass(kind, _ALIKE):
+            no_instance_params(kind)
+        if refs is not None or kind not in marked:
+            marked.add(kind)
             begin_reactive(component, refs=refs, **values)
         else:
             super(Reactive, component).__init__(**values)  # type: ignore[no-untyped-call]
 
     MaterialComponent.__init__ = material  # type: ignore[method-assign, assignment]
     Reactive.__init__ = reactive  # type: ignore[method-assign, assignment]
+
+
+def _take_values() -> None:
+    """Make Param and Panel set values without steps that change nothing.
+
+    Param inspects each value to see whether it is a function or follows something, and Panel unlocks all
+    declarations of a component to set the one that is locked.
+    """
+    resolve = Parameters._resolve_ref
+
+    def resolve_ref(parameters: Parameters, declared: param.Parameter, value: Any) -> Any:
+        plain = type(value) in CONSTANT
+        return (None, None, value, False) if plain else resolve(parameters, declared, value)
+
+    @contextmanager
+    def unlock(owner: param.Parameterized) -> Iterator[None]:
+        every = owner.param.objects("existing").values()
+        locked = [(one, one.readonly, one.constant) for one in every if one.readonly or one.constant]
+        for one, *_ in locked:
+            one.readonly = one.constant = False
+        try:
+            yield
+        finally:
+            for one, readonly, constant in locked:
+                one.readonly, one.constant = readonly, constant
+
+    _replace(Parameters, _resolve_ref=resolve_ref)
+    for module in list(sys.modules.values()):
+        if getattr(module, "__dict__", {}).get("edit_readonly") is edit_readonly:
+            vars(module)["edit_readonly"] = unlock
 
 
 def _place_figures() -> None:
@@ -195,6 +239,18 @@ def _remember_classes() -> None:
         return linked[kind]
 
     _replace(MaterialComponent, _linked_properties=property(linked_properties))
+    style = vars(MaterialDesign)["_get_modifiers"].__func__
+    styled: dict[tuple[Any, ...], tuple[dict[str, Any], dict[str, Any]]] = {}
+
+    def style_of(design: type[MaterialDesign], component: Any, theme: Any, isolated: Any = None) -> Any:
+        is_served = bool(state.curdoc and state.curdoc.session_context)
+        key = design, type(component), type(theme), is_served
+        if key not in styled:
+            styled[key] = style(design, component, theme, isolated)
+        own, of_children = styled[key]
+        return {**own}, of_children
+
+    _replace(MaterialDesign, _get_modifiers=classmethod(style_of))
     if config.autoreload:  # then the code may change
         return
     maps_of = vars(ReactComponent)["_process_importmap"].__func__
