@@ -77,6 +77,7 @@ class Turn:
         if abs(change) < _STRAIGHT:
             return cls()
         rate = math.copysign(min(rate, abs(change) / ramp), change)
+        # Both ramps together turn as much as one of them would at the full rate.
         turn = cls(change, speed, rate, ramp, change / rate - ramp)
         # By symmetry begin and end are equally far from the corner; Simpson's rule along the turn.
         time = np.linspace(0.0, turn.lasts, 2 * _SLICES + 1)
@@ -84,6 +85,7 @@ class Turn:
         weights[1::2], weights[[0, -1]] = 4.0, 1.0
         course = turn.turned(time)
         along = [float(weights @ part(course)) * turn.lasts / (6 * _SLICES) for part in (np.cos, np.sin)]
+        # The chord is the base of a triangle with two equal sides, which meet in the corner.
         reach = speed * math.hypot(*along) / (2 * math.cos(change / 2))
         return cls(change, speed, rate, ramp, turn.steady, reach)
 
@@ -137,6 +139,7 @@ class Leg:
         low = max(ends)
 
         def make_leg(speed: float) -> Leg:
+            # So long that the acceleration is reached where the step is steepest.
             changes = tuple(PEAK * abs(speed - end) / acceleration for end in ends)
             return cls(length, (ends[0], speed, ends[1]), (changes[0], changes[1]), heights)
 

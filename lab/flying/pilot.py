@@ -216,6 +216,7 @@ class Pilot:
                 self._rate_limit = self.aircraft.rate if step.rate_m_s is None else step.rate_m_s
                 self._airspeed = self.aircraft.airspeed if step.airspeed_m_s is None else step.airspeed_m_s
             case Level():
+                # How far it goes on while the rate is taken off, up or down.
                 stopping = self._rate * abs(self._rate) / (2 * self.aircraft.climb_acceleration)
                 self._height = seen.height + stopping
             case ChangeSpeed():
@@ -293,6 +294,7 @@ class Pilot:
         self._aileron_trim = _clip(self._aileron_trim + 0.25 * error * self._period, -most, most)
         aileron = self._aileron_trim + 2.0 * error + 0.5 * (change / self._period - seen.roll_rate)
         self._move("aileron", _clip(self._gains.aileron * aileron, -0.8, 0.8), lag=0.1)
+        # g tan φ / V about the vertical, of which the yaw axis of the body has cos φ.
         turn_rate = _GRAVITY * math.tan(seen.roll) / max(seen.airspeed, _SLOWEST) * math.cos(seen.roll)
         rudder = (
             self._skid_trim + 1.0 * (seen.beta - self._hold_skid(seen)) - 0.6 * (seen.yaw_rate - turn_rate)
@@ -329,6 +331,7 @@ class Pilot:
 
     def _hold_pitch(self, seen: Instruments) -> None:
         error = self._pitch - seen.pitch
+        # The rate of the pitch angle, which in a bank is not that about the lateral axis.
         pitch_rate = seen.pitch_rate * math.cos(seen.roll) - seen.yaw_rate * math.sin(seen.roll)
         if self.airborne:
             self._elevator_trim = _clip(self._elevator_trim - 0.8 * error * self._period, -0.6, 0.6)

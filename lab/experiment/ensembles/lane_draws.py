@@ -117,6 +117,7 @@ def _seed(seeds: NDArray[np.uint64], key: int, streams: Streams) -> None:
             words[4] | words[5] << _32,
             words[6] | words[7] << _32,
         )
+        # The increment of the generator is odd: 2 n + 1, over both words.
         streams[2 * LANES + lane] = low_step << _1 | _1
         streams[3 * LANES + lane] = upper_step << _1 | low_step >> _63
         # The first step is from zero, and leads to the increment.
@@ -172,6 +173,7 @@ def _fill(streams: Streams, drawn: FloatArray, out: FloatArray) -> None:
 def _next_word(streams: Streams, lane: int) -> np.uint64:
     """Return the next word of a run."""
     low, upper = streams[lane], streams[LANES + lane]
+    # The upper word of 64 by 64 bits, from products of halves: the compiler has no longer words.
     a, b = low & _HALF, low >> _32
     p, q, r = a * _LOWER_0, a * _LOWER_1, b * _LOWER_0
     carried = b * _LOWER_1 + (q >> _32) + (r >> _32) + (((p >> _32) + (q & _HALF) + (r & _HALF)) >> _32)
@@ -179,6 +181,7 @@ def _next_word(streams: Streams, lane: int) -> np.uint64:
     upper = carried + low * _UPPER + upper * _LOWER + streams[3 * LANES + lane]
     upper += _U(added < streams[2 * LANES + lane])
     streams[lane], streams[LANES + lane] = added, upper
+    # XSL-RR of PCG: both words as one, turned to the right by the six uppermost bits.
     both, turn = upper ^ added, upper >> _58
     return _U((both >> turn) | (both << ((_64 - turn) & _63)))
 
@@ -202,6 +205,7 @@ def _draw_alone(streams: Streams, lane: int) -> Any:
             return value
         if layer == 0:
             while True:
+                # Marsaglia's draw from the tail of the normal distribution.
                 beyond = -_PER_LAST * np.log1p(-_unit(streams, lane))
                 other = -np.log1p(-_unit(streams, lane))
                 if other + other > beyond * beyond:
