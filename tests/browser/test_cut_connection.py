@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
-from tests.browser.conftest import DRAWN, ERRORS, WHOLE, eventually, new_context, wait_for
+from tests.browser.conftest import DRAWN, ERRORS, SIZE, WHOLE, eventually, new_context, show, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -58,13 +58,22 @@ class Wire:
         wait_for(self._page, BACK)
 
 
-def test_a_change_that_the_server_did_not_hear_any_more_is_made_after_the_cut(
-    chromium: Browser, address: str
-) -> None:
-    page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
+@pytest.fixture(scope="module")
+def wired(chromium: Browser, address: str) -> Iterator[tuple[Page, Wire]]:
+    """Return a page of a short flight, which tests share, and its connections."""
+    context = new_context(chromium, viewport=SIZE)
+    page = context.new_page()
     wire = Wire(page)
     page.goto(f"{address}?mission=los_angeles&trajectory.imu_rate=50&{ERRORS.removeprefix('?')}")
     wait_for(page, DRAWN)
+    yield page, wire
+    context.close()
+
+
+def test_a_change_that_the_server_did_not_hear_any_more_is_made_after_the_cut(
+    wired: tuple[Page, Wire],
+) -> None:
+    page, wire = wired
     noise = page.get_by_role("textbox", name="White noise [°/s/√Hz]")
     noise.fill("0.2")
     noise.press("Enter")
@@ -93,14 +102,11 @@ def test_a_change_that_the_server_did_not_hear_any_more_is_made_after_the_cut(
     wire.cut()
     wait_for(page, DRAWN)
     expect(noise).to_have_value("0.4")
-    page.context.close()
 
 
-def test_what_compare_computes_goes_on_after_a_cut(chromium: Browser, address: str) -> None:
-    page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
-    wire = Wire(page)
-    page.goto(f"{address}?mission=los_angeles&trajectory.imu_rate=50&tab=Compare")
-    wait_for(page, WHOLE)
+def test_what_compare_computes_goes_on_after_a_cut(wired: tuple[Page, Wire]) -> None:
+    page, wire = wired
+    show(page, "Compare")
     page.get_by_role("button", name="Seeds", exact=True).click()
     page.get_by_role("textbox", name="Number of seeds").fill("3")
     page.get_by_role("textbox", name="Number of seeds").press("Enter")
@@ -115,14 +121,11 @@ def test_what_compare_computes_goes_on_after_a_cut(chromium: Browser, address: s
     ).to_be_visible()
     about = page.get_by_text("Line: mean over the seeds")  # below the curves
     expect(about).to_be_in_viewport()
-    page.context.close()
 
 
-def test_an_upload_that_is_cut_is_named_once_the_page_is_back(chromium: Browser, address: str) -> None:
-    page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
-    wire = Wire(page)
-    page.goto(f"{address}?mission=los_angeles&trajectory.imu_rate=50&beside=Missions")
-    wait_for(page, WHOLE)
+def test_an_upload_that_is_cut_is_named_once_the_page_is_back(wired: tuple[Page, Wire]) -> None:
+    page, wire = wired
+    show(page, "Missions")
     page.get_by_role("button", name="Import", exact=True).click()
     wire.lose()
     page.locator("input[type=file][multiple]").set_input_files(
@@ -137,7 +140,6 @@ def test_an_upload_that_is_cut_is_named_once_the_page_is_back(chromium: Browser,
     wire.cut()
     wait_for(page, WHOLE)
     expect(alert).to_have_count(0)
-    page.context.close()
 
 
 def test_a_page_whose_connection_is_refused_says_why_it_is_empty(chromium: Browser, address: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -148,14 +148,20 @@ CUT = """[...insLabPlots].some(({bbox, canvas_view: {primary: {ctx}}}) => {
 """Whether a line of a title has been painted across the upper edge of a plot, of which a trace stays."""
 
 
-def test_fingers_zoom_a_plot_then_move_along_the_time_and_scroll_the_page(
-    chromium: Browser, address: str
-) -> None:
+@pytest.fixture(scope="module")
+def phone(chromium: Browser, address: str) -> Iterator[Page]:
+    """Return the nine plots on a phone."""
     context = new_context(chromium, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
-    page, wire = context.new_page(), None
+    page = context.new_page()
     page.goto(address + ERRORS)
     wait_for(page, DRAWN)
-    wire = context.new_cdp_session(page)
+    yield page
+    context.close()
+
+
+def test_fingers_zoom_a_plot_then_move_along_the_time_and_scroll_the_page(phone: Page) -> None:
+    page = phone
+    wire = page.context.new_cdp_session(page)
 
     def move(steps: int, *fingers: tuple[float, float, float, float]) -> None:
         """Put fingers down at x and y, and move each by a step at a time."""
@@ -183,16 +189,10 @@ def test_fingers_zoom_a_plot_then_move_along_the_time_and_scroll_the_page(
     move(12, (200, 600, 0, -20))
     wait_for(page, f"{SCROLLED} > 100")
     assert page.evaluate(STRETCH) == moved
-    context.close()
 
 
-def test_a_title_that_would_run_under_the_menu_of_its_plot_has_two_lines(
-    chromium: Browser, address: str
-) -> None:
-    context = new_context(chromium, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
-    page = context.new_page()
-    page.goto(address + ERRORS)
-    wait_for(page, DRAWN)
+def test_a_title_that_would_run_under_the_menu_of_its_plot_has_two_lines(phone: Page) -> None:
+    page = phone
     wait_for(page, f"{TITLES}.some(([two]) => two) && {TITLES}.every(([, free]) => free)")
     assert not page.evaluate(CUT)
     assert page.get_by_role("button", name="Menu of Position error, east").count() == 1
@@ -203,7 +203,6 @@ def test_a_title_that_would_run_under_the_menu_of_its_plot_has_two_lines(
         show(page, tab)
         wait_for(page, f"{TITLES}.length >= 9 && {IDLE}")
     wait_for(page, f"{TITLES}.some(([two]) => two) && {TITLES}.every(([, , whole]) => whole)", timeout=60_000)
-    context.close()
 
 
 def test_the_legend_of_the_budget_stands_below_in_a_narrow_window_of_a_mouse(

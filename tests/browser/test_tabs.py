@@ -188,10 +188,19 @@ def _right_of(part: Locator) -> float:
     return float("inf") if box is None else box["x"] + box["width"]
 
 
-def test_a_note_of_a_link_is_text_to_be_changed_and_deleted(
+def test_a_link_opens_the_missions_with_all_their_cards_and_its_note_is_text_to_be_changed_and_deleted(
     open_page: Callable[..., Page],
 ) -> None:
-    page = open_page("?note=20-30:%3Cimg%20src%3Dx%3E%20turn", drawn=False)
+    page = open_page("?note=20-30:%3Cimg%20src%3Dx%3E%20turn&beside=Missions", drawn=False)
+    expect(page.get_by_role("button", name="Choose Over the Pacific")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
+    show(page, "Missions")
+    expect(page.get_by_role("button", name="Choose Over the Pacific")).to_be_visible()
+    page.get_by_role("button", name="Lessons,").click()  # they are not opened behind the missions
+    expect(page.get_by_role("button", name="Tuning R", exact=True)).to_be_visible()
+    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
+    page.get_by_role("button", name="Close Lessons").click()
     note = page.get_by_role("button", name="<img src=x> turn: 20.0 s to 30.0 s")
     note.click()
     field = page.get_by_role("textbox", name="Text of the note")
@@ -208,18 +217,6 @@ def test_a_note_of_a_link_is_text_to_be_changed_and_deleted(
     expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_have_count(0)
     page.get_by_role("button", name="Undo").first.click()
     expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_be_visible()
-
-
-def test_a_link_opens_the_missions_with_all_their_cards(open_page: Callable[..., Page]) -> None:
-    page = open_page("?beside=Missions", drawn=False)
-    expect(page.get_by_role("button", name="Choose Over the Pacific")).to_be_visible()
-    page.keyboard.press("Escape")
-    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
-    show(page, "Missions")
-    expect(page.get_by_role("button", name="Choose Over the Pacific")).to_be_visible()
-    page.get_by_role("button", name="Lessons,").click()  # they are not opened behind the missions
-    expect(page.get_by_role("button", name="Tuning R", exact=True)).to_be_visible()
-    expect(page.get_by_role("button", name="Close Missions")).to_be_hidden()
 
 
 def test_what_is_chosen_and_what_colours_mean_is_seen_with_the_colours_of_high_contrast(
