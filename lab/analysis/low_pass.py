@@ -70,6 +70,8 @@ _LINE = 8.0
 """Ordinate that is a line, in units of the mean of its neighbours: chance exceeds it once in 3,000."""
 _REWEIGHTINGS = 8
 """Iterations in which the weights are adapted to the spectrum."""
+_FIRST_REWEIGHTINGS = 3
+"""The same for the cut-offs that are tried: enough to tell which is the best."""
 _FLOOR = (0.0, 1e-5, 1e-4, 1e-3, 1e-2)
 """Power behind the filter, relative to the noise before it, that is tried: rounding of the output. With
 more of it, the spectrum is that of white noise and a bias with a correlation time."""
@@ -277,7 +279,9 @@ def _spectrum(rates: FloatArray) -> _Spectrum:
     return _Spectrum(centre, np.maximum(mean, 1e-300), np.where(gone | (used < 1), 0.0, used))
 
 
-def _fit_noise_terms(spectrum: _Spectrum, gain: FloatArray, filtered: bool = False) -> _Fit:
+def _fit_noise_terms(
+    spectrum: _Spectrum, gain: FloatArray, filtered: bool = False, reweightings: int = _REWEIGHTINGS
+) -> _Fit:
     """Return the cost of the noise terms behind a filter, and their squares (terms, axes)."""
     f = spectrum.f
     columns = gain[:, None] * _terms(f)
@@ -285,10 +289,10 @@ def _fit_noise_terms(spectrum: _Spectrum, gain: FloatArray, filtered: bool = Fal
     columns = columns / scale
     cost, squares = 0.0, []
     for axis, count in zip(spectrum.power.T, spectrum.ordinates.T, strict=True):
-        smooth, found = _fit_reweighted(columns[:, :-1], axis, count)
+        smooth, found = _fit_reweighted(columns[:, :-1], axis, count, reweightings)
         found = np.append(found, 0.0)
         if not filtered:  # the rounding of the output comes behind the filter
-            other, more = _fit_reweighted(columns, axis, count)
+            other, more = _fit_reweighted(columns, axis, count, reweightings)
             if other < smooth - _PRICE:
                 smooth, found = other, more
         cost += smooth
@@ -296,13 +300,15 @@ def _fit_noise_terms(spectrum: _Spectrum, gain: FloatArray, filtered: bool = Fal
     return _Fit(cost, np.stack(squares, axis=1))
 
 
-def _fit_reweighted(columns: FloatArray, power: FloatArray, count: FloatArray) -> tuple[float, FloatArray]:
+def _fit_reweighted(
+    columns: FloatArray, power: FloatArray, count: FloatArray, reweightings: int
+) -> tuple[float, FloatArray]:
     """Return the cost of the likeliest terms of a spectrum, and their squares."""
     from scipy.optimize import nnls  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
     model = power.copy()
     root = np.sqrt(count)
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(reweightings):
         weight = root / model
         found = nnls(columns * weight[:, None], power * weight, maxiter=100)[0]
         model = np.maximum(columns @ found, 1e-9 * power.max())
@@ -316,15 +322,15 @@ def _best_fit(spectrum: _Spectrum, shape: str) -> _Fit:
 
     power = SHAPES[shape]
 
-    def fit(cut: float, floor: float) -> _Fit:
-        found = _fit_noise_terms(spectrum, power(spectrum.f, cut) + floor, filtered=True)
+    def fit(cut: float, floor: float, reweightings: int = _REWEIGHTINGS) -> _Fit:
+        found = _fit_noise_terms(spectrum, power(spectrum.f, cut) + floor, True, reweightings)
         return found._replace(shape=shape, cut=cut, floor=floor)
 
     cuts = np.geomspace(LIMITS.slowest, LIMITS.fastest, _GRID)
-    coarse = [fit(float(cut), _FLOOR[0]) for cut in cuts]
-    place = int(np.argmin([one.cost for one in coarse]))
+    costs = [fit(float(cut), _FLOOR[0], _FIRST_REWEIGHTINGS).cost for cut in cuts]
+    place = int(np.argmin(costs))
     ends = float(np.log(cuts[max(place - 1, 0)])), float(np.log(cuts[min(place + 1, _GRID - 1)]))
-    best = coarse[place]
+    best = fit(float(cuts[place]), _FLOOR[0])
     for _ in range(2):  # the floor and the cut-off in turn
         best = min(
             (fit(best.cut, one) for one in _FLOOR), key=lambda one: one.cost + _PRICE * (one.floor > 0)
