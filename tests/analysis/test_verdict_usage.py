@@ -179,7 +179,7 @@ def test_where_no_fix_was_used_wrong_errors_are_named_without_fixes(sensors, jud
 
 def test_an_ensemble_without_fixes_whose_errors_are_right_has_no_verdict_as_a_run_has_none():
     experiment = Experiment(mission="los_angeles", seed=3).update(
-        {"trajectory.imu_rate": 50, "sensors.gps.outages": [[0, 1e6]], "sensors.barometer.fitted": True}
+        {"trajectory.imu_rate": 50, "sensors.gps.outages": [[0, 1e6]], "sensors.heading.fitted": True}
     )
     for verdict in (experiment.run().verdict, run_ensemble(experiment, 3).verdict):
         assert verdict.consistent is None

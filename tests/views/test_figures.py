@@ -311,7 +311,7 @@ def test_a_held_result_may_have_fewer_states_than_the_shown_one(
 
 def test_a_held_result_may_lack_the_further_states(result: Result, axis: TimeAxis) -> None:
     made = result.experiment.copy()
-    made.update({"navigator": {"states": 21, "estimate_misalignments": True}})
+    made.update({"navigator": {"states": 21, "estimate_misalignments": True, "estimate_g_sensitivity": True}})
     more = made.run()
     figures = TimeFigures(further_plots(more.blocks), axis)
     figures.show(more, [result])
