@@ -175,10 +175,15 @@ window.addEventListener("click", (event) => {
   }
 })
 
+// Whether a key is written into a field: such keys do nothing else (plot_tools.js asks, too).
+window.insLabTypes = (event) => {
+  const [at] = event.composedPath()
+  return at.isContentEditable || at.tagName === "TEXTAREA" || (at.tagName === "INPUT" && FIELDS.includes(at.type))
+}
+
 window.addEventListener("keydown", (event) => {
   const [at] = event.composedPath()
-  const typing = at.isContentEditable || at.tagName === "TEXTAREA" || (at.tagName === "INPUT" && FIELDS.includes(at.type))
-  if (model === null || typing || event.altKey) return
+  if (model === null || window.insLabTypes(event) || event.altKey) return
   const key = event.key.toLowerCase()
   if (event.ctrlKey || event.metaKey) {
     if (key !== "z" || event.repeat) return

@@ -1,7 +1,6 @@
 // What all plots share: the legend, the values at the pointer or the time cursor, and a menu with pictures and numbers.
 // All of it is read from the plots that the browser has; the server is asked for the samples of thinned curves alone.
 
-const FIELDS = ["text", "search", "number", "email", "password", "url", "tel"]
 const SIGMA = /^(±?)(\d+)σ$/  // of a length, the band has one side
 const HELD = /^([A-D]): (.*)$/
 const OUTSIDE = "outside ±3σ"
@@ -21,36 +20,45 @@ const is_visible = (view) => view.el.isConnected && (view.el.checkVisibility?.({
 
 const BETWEEN = "\u2009·\u2009"  // the parts of a title
 const FINGERS = window.matchMedia("(hover: none)")
-const DOTS_WIDTH = 40  // of the menu of a plot, where it is always seen [px]
+const DOTS_WIDTH = {mouse: 30, finger: 44}  // of the menu of a plot, which a mouse shows, with a gap beside it [px]
 const EM = 13  // the size of letters to which those of a title are relative, in Bokeh [px]
 const QUIET = 60  // without a repaint, plots are looked at again, for their legend and values [ms]
 const POINTED = 250  // the same under a pointer, whose moves repaint all plots, on a slow computer a few times a second
 const SLOP = 8  // a finger that moves less has not moved [px]
 
+const in_one_line = new WeakMap()  // titles of several lines: how they are written, and what they say
+const words_of = ({title}) => (in_one_line.get(title)?.text === title?.text ? in_one_line.get(title)?.words : title.text)
+
 function heading(view) {
-  const [text] = (view.model.title?.text ?? "").split(/\u2009·\u2009|\n/)
+  const [text] = (words_of(view.model) ?? "").split(BETWEEN)
   const [, name, unit] = /^(.*?)(?: \[([^\]]*)\])?(?:: zero)?$/.exec(text)
   return {name: name || "plot", unit: unit ?? ""}
 }
 
-// A title that is wider than its plot, or runs under the menu of the plot, continues in a second line. Bokeh makes room
-// for it only when the plot is laid out.
+// A title that is wider than its plot, or runs under the menu of the plot, continues in a second line, or in a third.
+// Bokeh makes room for it only when the plot is laid out.
 const ruler = document.createElement("canvas").getContext("2d")
+function lines_of(words, room) {
+  const [name, ...others] = words.split(BETWEEN), [first, ...rest] = name.split(/ (?!\[)/)
+  const pieces = [...rest.map((word) => [" ", word]), ...others.length ? [[BETWEEN, others.join(BETWEEN)]] : []]
+  const add = ([done, line], [joint, piece]) =>
+    ruler.measureText(line + joint + piece).width > room ? [`${done}${line}\n`, piece] : [done, line + joint + piece]
+  return pieces.reduce(add, ["", first]).join("")
+}
 function fit(view) {
   const {title} = view.model
   if (!title?.text || !view.frame?.bbox.width) return
-  const parts = title.text.split(/\u2009·\u2009|\n/)
   const [, number, unit] = /^([\d.]+)(.*)$/.exec(title.text_font_size) ?? [null, 13, "px"]
-  const size = unit === "em" ? number * EM : number
-  ruler.font = `${title.text_font_style} ${size}px ${title.text_font}`
-  const room = view.bbox.width - view.frame.bbox.left - (FINGERS.matches ? DOTS_WIDTH : 0)
-  const whole = parts.join(BETWEEN)
+  ruler.font = `${title.text_font_style} ${unit === "em" ? number * EM : number}px ${title.text_font}`
+  const words = words_of(view.model), room = view.bbox.width - view.frame.bbox.left
+  const free = room - DOTS_WIDTH[FINGERS.matches ? "finger" : "mouse"]
   view.el.setAttribute("role", "figure")  // all that a reader of a canvas hears of it
-  view.el.setAttribute("aria-label", whole)
-  const is_narrow = ruler.measureText(whole).width > room
-  const text = is_narrow ? [parts[0], parts.slice(1).join(BETWEEN)].filter(Boolean).join("\n") : whole
+  view.el.setAttribute("aria-label", words)
+  const is_narrow = ruler.measureText(words).width > (FINGERS.matches ? free : room)
+  const text = is_narrow ? lines_of(words, free) : words
   const place = view.renderer_views.get(title)?.layout
   if (text !== title.text) {
+    in_one_line.set(title, {text, words})
     view.pause()  // or Bokeh paints a second line outside its canvas, before it makes room
     title.setv({text}, {sync: false})
     view.unpause(true)
@@ -61,10 +69,8 @@ function fit(view) {
 // One finger scrolls the page; across a plot that shows a stretch of time, as after a pinch, it moves along the time. To
 // Bokeh, it would drag a box, as a mouse does: Bokeh hears of a finger that moves only when there is another one.
 function follow_finger(view) {
-  const {x_range} = view.model
-  const {events_el} = view.canvas
+  const {model: {x_range}, canvas: {events_el}} = view, fingers = new Set()
   let from = null
-  const fingers = new Set()
   // A browser reads `touch-action` when a finger comes down, so it always follows the stretch that is shown.
   const touch = () => {
     const [first, last] = x_range.computed_bounds ?? x_range.bounds ?? [-Infinity, Infinity]
@@ -487,10 +493,8 @@ export function render({model}) {
 
   all.addEventListener("click", toggle)
   window.addEventListener("keydown", (event) => {
-    const [at] = event.composedPath()
-    const typing = at.isContentEditable || at.tagName === "TEXTAREA" || (at.tagName === "INPUT" && FIELDS.includes(at.type))
-    if (event.key.toLowerCase() !== "v" || typing || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return
-    toggle()
+    const is_held = event.ctrlKey || event.metaKey || event.altKey || event.repeat
+    if (event.key.toLowerCase() === "v" && !is_held && !window.insLabTypes?.(event)) toggle()
   })
   plots.forEach(equip)
   plots.added = equip

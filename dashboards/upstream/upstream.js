@@ -39,6 +39,12 @@
       }
     }
     if (frame && window.innerWidth < 1100) { frame.sidebar_open = false; }
+    const covers = window.matchMedia("(max-width: 599.95px)");  // where the settings lie over the page
+    let was_open = false;
+    covers.addEventListener("change", () => {
+      if (covers.matches) { was_open = frame.sidebar_open; }
+      frame.sidebar_open = was_open && !covers.matches;
+    });
     return pulled;
   };
 

@@ -78,11 +78,13 @@ def test_the_parts_of_a_tab_fit_a_phone_and_the_card_is_named_in_full(
     show(page, "Verdict")
     page.set_viewport_size({"width": 390, "height": 844})
     try:
+        expect(sensors).to_be_hidden()  # the settings would lie over the page
         for title in ("Verdict", "Other filters"):
             part = page.get_by_role("button", name=title, exact=True)
             eventually(page, lambda part=part: _right_of(part) <= 390)  # type: ignore[misc]
     finally:
         page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    expect(sensors).to_be_visible()
 
 
 NAMED = """
