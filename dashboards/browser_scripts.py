@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+
 from bokeh.document import Document
 from bokeh.events import ConnectionLost, DocumentReady
 from bokeh.models.callbacks import CustomJS
 
+from dashboards.page_tabs import TABS
 from dashboards.pages.base import NARROW
 from dashboards.upload import SAME_FILE_AGAIN
 from dashboards.widgets import SETTING
@@ -102,26 +105,81 @@ if (lost) {{
 """
 """Says that the server hears of changes from now on, see ``history_bar.js``, and which upload was cut."""
 
-COVER = """
+COVER = (
+    f"""
+const TABS = {json.dumps([[(page.title, page.contents) for page in pages] for pages in TABS.values()])};
+"""
+    + """
 const models = [...Bokeh.documents[0].all_models];
 const stage = models.find((one) => one.name === "page stage");
-const tabs = models.find((one) => one.data?.name === "page tabs");
+const tabs = models.find((one) => one.data?.name === "page tabs").data;
 const parts = models.find((one) => one.css_classes?.includes?.("page-parts"));
-const place_of = (wanted) => Array.from(Bokeh.index.query(({model}) => model === wanted))[0].el;
-const cover = (...left) => {
-  const el = place_of(stage);
-  const {change} = stage.properties.children;
-  const show = (visibility) => { for (const one of left) place_of(one).style.visibility = visibility; };
-  const arrive = () => { change.disconnect(arrive); delete el.dataset.waiting; show(""); };
-  el.dataset.waiting = "Drawing …";
-  show("hidden");
-  change.connect(arrive);
+const view_of = (wanted) => Array.from(Bokeh.index.query(({model}) => model === wanted))[0];
+const last = TABS.map(([[title]]) => title);  // the part of each tab that was open last
+const frame = document.createElement("div");
+frame.className = "frame";
+frame.setAttribute("role", "status");
+frame.innerHTML = "<h2></h2><p></p><div class='bar' role='progressbar' aria-label='Progress'></div>"
+  + "<button type='button'>Cancel</button>";
+const [name, words, , cancel] = frame.children;
+const is_in = (tab, title) => TABS[tab]?.some(([one]) => one === title);
+const tab_of = (title) => TABS.findIndex((_pages, tab) => is_in(tab, title));
+const wanted = () => (is_in(tabs.active, parts.data.value) ? parts.data.value : last[tabs.active]);
+const view = view_of(stage), {update_children} = view;
+let [made] = stage.tags;  // the page that the browser has made
+const update = () => {
+  const [there] = stage.tags, title = wanted(), {el, shadow_el} = view, waits = title !== made;
+  if (tab_of(there) >= 0) last[tab_of(there)] = there;
+  view_of(parts).el.style.visibility = waits && !is_in(tabs.active, parts.data.value) ? "hidden" : "";
+  el.toggleAttribute("data-waiting", waits);
+  if (!waits) {
+    frame.remove();
+    return;
+  }
+  name.textContent = title;
+  words.textContent = `Drawing ${Object.fromEntries(TABS[tabs.active])[title]} …`;
+  cancel.title = `Back to ${made}`;
+  cancel.hidden = !made;
+  frame.style.top = `${el.scrollTop}px`;
+  if (!frame.isConnected) shadow_el.append(frame);
+  if (title === there) view.update_children();
 };
-tabs.data.properties.active.change.connect(() => cover(parts));
-parts.data.properties.value.change.connect(() => cover());
+cancel.addEventListener("click", () => {
+  const tab = tab_of(made);
+  if (tabs.active === tab) parts.data.value = made;
+  else tabs.active = tab;
+});
+
+// A page that has come is made in a turn of its own: keys and clicks before it may have left it again.
+let is_due = false, making = Promise.resolve();
+const make = async () => {
+  await new Promise((done) => setTimeout(done));
+  is_due = false;
+  const [there] = stage.tags;
+  if (there !== wanted()) {
+    if (there === made) made = "";  // it has changed, and is made again once one comes back
+    return;
+  }
+  await update_children.call(view);
+  made = there;
+  update();
+};
+view.update_children = () => {
+  if (!is_due) making = making.then(make).catch((error) => console.error(error));
+  is_due = true;
+};
+window.insLabTurn = (number) => { if (number <= TABS.length) tabs.active = number - 1; };
+for (const changed of [tabs.properties.active, parts.data.properties.value, stage.properties.tags]) {
+  changed.change.connect(update);
+}
+update();
 """
-"""Covers the page that one leaves at once, with the parts of its tab, until the next one comes: the server
-may be at work."""
+)
+"""Covers the page that one leaves at once, with what comes, until the next page is there: the server may be
+at work. A page that is left before it comes is not made.
+
+The server tells the title of the page that it lays out before the page itself.
+"""
 
 STALE = f"""
 const bokeh = Bokeh.documents[0];

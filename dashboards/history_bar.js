@@ -203,7 +203,7 @@ window.addEventListener("keydown", (event) => {
     event.preventDefault()
     ask("play", 0)
   } else if (/^[1-9]$/.test(key)) {
-    ask("tab", Number(key))
+    window.insLabTurn?.(Number(key))
   }
 })
 

@@ -122,7 +122,6 @@ class SimulatorPage:
         self._shortcuts = Shortcuts(
             self._address.bar,
             {
-                "tab": self.pages.tabs.turn,
                 "close": lambda _number: self.pages.close_aside(),
                 "play": lambda _number: self._time_bar.toggle(),
                 "step": self._step_to_fix,

@@ -163,11 +163,6 @@ class PageTabs:
             self._mark()
         self._turned()
 
-    def turn(self, number: int) -> None:
-        """Open a tab by its number from 1; of another number, nothing comes."""
-        if 1 <= number <= len(self._titles):
-            self.open(self._last[self._titles[number - 1]])
-
     def dim(self, result: Result) -> None:
         """Dim the tabs and parts that have nothing to show of a result; their reasons are their tooltips."""
         self._reasons = {}

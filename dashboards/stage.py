@@ -64,7 +64,7 @@ class Stage:
                 give_back()
             page.show_time(time)
         view = self._reason.view if reason else page.view  # a page may have changed its plots
-        self._put(view, page)
+        self._put(view, type(page))
         return view
 
     def appear(self, page: Page) -> None:
@@ -75,12 +75,12 @@ class Stage:
             self._visible = page
             page.appear()
 
-    def _put(self, view: pn.viewable.Viewable, page: Page | None) -> None:
-        """Lay a page out; the browser is told of another one though the same sentence stands in its place."""
+    def _put(self, view: pn.viewable.Viewable, kind: type[Page]) -> None:
+        """Lay a page out; the browser is told first which: the same sentence may stand in its place."""
+        if self.view.tags != [kind.title]:
+            self.view.tags = [kind.title]
         if self.view.objects != [view]:
             self.view[:] = [view]
-        elif self._visible is not None and self._visible is not page:
-            self.view.param.trigger("objects")
 
     @contextmanager
     def failures_shown(
@@ -105,6 +105,6 @@ class Stage:
             failure = self._failures.setdefault(kind, Notice())
             failure.say(drawing_error(kind.title, error))
             if place is None:
-                self._put(failure.view, page)
+                self._put(failure.view, kind)
             else:
                 place(failure.view)

@@ -122,8 +122,20 @@ ON_SCREEN = "@media print { :host { display: none !important; } }"
 STAGE = """
 :host { flex: 1 1 0 !important; min-height: 0 !important; min-width: 0 !important;
         overflow: hidden auto !important; container: stage / inline-size; position: relative; }
-:host([data-waiting]) > * { visibility: hidden; opacity: 0; }
-:host([data-waiting])::after { content: attr(data-waiting); position: absolute; inset: 24px; opacity: .7; }
+:host([data-waiting]) > :not(.frame) { visibility: hidden; opacity: 0; }
+.frame { position: absolute; left: 0; right: 0; padding: 20px 28px;
+         font: 14px/1.5 Roboto, Arial, sans-serif; }
+.frame h2 { margin: 0; font-size: 18px; font-weight: 500; }
+.frame p { margin: 4px 0 12px; opacity: .75; }
+.frame .bar { position: relative; height: 4px; max-width: 480px; overflow: hidden; border-radius: 2px;
+              background: rgba(128, 128, 128, .25); }
+.frame .bar::before { content: ""; position: absolute; inset: 0; width: 30%; background: #3b8eea;
+                      animation: runs 1.6s linear infinite; }
+@keyframes runs { from { transform: translateX(-100%); } to { transform: translateX(340%); } }
+@media (prefers-reduced-motion: reduce) { .frame .bar::before { animation: none; } }
+.frame button { margin-top: 14px; padding: 4px 14px; border: 1px solid currentColor; border-radius: 4px;
+                background: none; color: inherit; font: inherit; cursor: pointer; }
+.frame button:focus-visible { outline: 2px solid #3b8eea; outline-offset: 2px; }
 @media print { :host { height: auto !important; overflow: visible !important; } }
 """
 """The page, which scrolls if it is higher than its place.

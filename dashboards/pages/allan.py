@@ -50,6 +50,7 @@ class Allan(ComputedPage):
     """Allan deviation of the simulated sensors at rest, or of a recording, with the settings' own values."""
 
     title = "Allan"
+    contents = "the Allan deviation of the sensors at rest"
     over_time = False
     working = "Simulating the sensors at rest …"
 

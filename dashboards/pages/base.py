@@ -42,6 +42,8 @@ class Page(ABC):
     """
 
     title: str
+    contents: ClassVar[str]
+    """What is on it, as a browser says until it has come; of a page beside the tabs, it says nothing."""
     depends_on_window = True
     over_time: ClassVar[bool] = True
     """Whether it follows the time cursor, so that the time bar stands below it."""

@@ -24,6 +24,7 @@ class Budget(ComputedPage):
     """Stacked contributions to the variance of a quantity, its σ, and the manoeuvres that reduced it."""
 
     title = "Budget"
+    contents = "which sensor error causes how much of the navigation error"
     working = "Computing the error budget (the first time, its code is compiled) …"
 
     def make(self) -> pn.viewable.Viewable:

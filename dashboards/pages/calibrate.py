@@ -49,6 +49,7 @@ class Calibrate(OwnPage):
     """Takes a log, and finds constant errors in it."""
 
     title = "Calibration"
+    contents = "the form for a log to calibrate from"
 
     def __init__(self, axis: TimeAxis, session: Session) -> None:
         self._session = session

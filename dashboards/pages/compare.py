@@ -81,6 +81,7 @@ class Compare(ComputedPage):
     """
 
     title = "Compare"
+    contents = "the table of the results side by side"
     over_time = False
 
     def __init__(self, axis: TimeAxis, session: Session | None = None) -> None:

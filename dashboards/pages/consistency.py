@@ -56,6 +56,7 @@ class Consistency(ComputedPage):
     """
 
     title = "Verdict"
+    contents = "whether the errors match the filter's own σ"
     seen = ("consistency",)
     depends_on_window = True
 

@@ -12,6 +12,7 @@ class FlightPlots(TimePlots):
     """Height, speed, attitude, rates, specific force and other sensors: estimated, true and measured."""
 
     title = "Flight"
+    contents = "what was flown, measured and estimated"
     plots = FLIGHT
     seen = ("solution", "truth")
 

@@ -13,6 +13,7 @@ class GroundTrack(Page):
     """True and estimated path and the GPS fixes, in metres from the start."""
 
     title = "Ground track"
+    contents = "the track: true, estimated, and of the fixes"
     seen = ("track",)
     depends_on_window = False
 

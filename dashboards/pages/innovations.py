@@ -28,6 +28,7 @@ class Innovations(Page):
     """Innovations with ±3σ, their autocorrelation, and the innovations of the measurements besides GPS."""
 
     title = "Innovations"
+    contents = "the innovations of the fixes and their autocorrelation"
     seen = ("innovations",)
 
     def make(self) -> pn.viewable.Viewable:

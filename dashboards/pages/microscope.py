@@ -32,6 +32,7 @@ class Microscope(ComputedPage):
     """
 
     title = "Microscope"
+    contents = "the filter's update by the fix at the cursor"
     seen = ("innovations",)
     working = "Running the filter up to this fix …"
 

@@ -47,6 +47,7 @@ class Numbers(OwnPage):
     """Takes a log at rest and one of a drive, and shows the numbers."""
 
     title = "Numbers"
+    contents = "the form for a log at rest and one of a drive"
 
     def __init__(self, axis: TimeAxis, _session: object = None) -> None:
         self._files: dict[str, Path] = {}

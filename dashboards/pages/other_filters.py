@@ -28,6 +28,7 @@ class OtherFilters(OwnPage):
     """Takes a log, and judges the filter in it."""
 
     title = "Other filters"
+    contents = "the form for the log of another filter"
 
     def make(self) -> pn.viewable.Viewable:
         """Return the button, the words and the place of the figure."""

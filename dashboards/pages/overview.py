@@ -102,6 +102,7 @@ class Overview(ComputedPage):
     """
 
     title = "Overview"
+    contents = "the track, the errors and the innovations of this flight"
     depends_on_window = True
 
     def __init__(self, axis: TimeAxis, session: Session) -> None:

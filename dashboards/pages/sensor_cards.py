@@ -69,6 +69,7 @@ class SensorCards(Page):
     """All cards, and what each term of the sensors is, by the settings and by the card in use."""
 
     title = "Cards"
+    contents = "the sensor cards and the terms of the one in use"
     depends_on_window = False
     over_time = False
 

@@ -74,6 +74,7 @@ class Errors(TimePlots):
     """Position, velocity and attitude errors with their ±3σ."""
 
     title = "Errors"
+    contents = "the errors of position, velocity and attitude with their ±3σ"
     plots = ERRORS
 
     @classmethod
@@ -86,6 +87,7 @@ class Covariance(TimePlots):
     """σ of all states."""
 
     title = "Covariance"
+    contents = "the filter's σ of position, velocity and attitude"
     plots = COVARIANCE
     seen = ("state_sigma",)
     scale_plots = SCALE_COVARIANCE
@@ -96,6 +98,7 @@ class SensorErrors(TimePlots):
     """Estimated and true biases, and other errors of sensors if they are states; and the temperature."""
 
     title = "States"
+    contents = "the biases and the other states of the sensors"
     plots = SENSOR_ERRORS
     seen = ("sensor_errors",)
     scale_plots = SCALE_ERRORS

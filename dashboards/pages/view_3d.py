@@ -26,6 +26,7 @@ class View3D(Page):
     """Paths, fixes, ellipsoids and the aircraft, from a viser server that runs as long as the session."""
 
     title = "3-D"
+    contents = "the flight in three dimensions"
     seen = ("solution", "truth")
     depends_on_window = False
     frame_style: ClassVar[str] = f"""

@@ -9,10 +9,31 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
-from tests.browser.conftest import DRAWN, ERRORS, SIZE, WHOLE, eventually, new_context, show, wait_for
+from tests.browser.conftest import (
+    DRAWN,
+    ERRORS,
+    SIZE,
+    WHOLE,
+    eventually,
+    new_context,
+    show,
+    shown,
+    wait_for,
+)
 
 pytestmark = pytest.mark.browser
 
+MADE_PLOTS = """
+() => {
+  const {add} = window.insLabPlots;
+  window.madePlots = [];
+  window.insLabPlots.add = (view) => {
+    window.madePlots.push(view);
+    return add.call(window.insLabPlots, view);
+  };
+}
+"""
+"""Notes each plot that the browser makes from here on."""
 BACK = "window.cut !== true && window.insLabReady"
 
 
@@ -68,6 +89,27 @@ def wired(chromium: Browser, address: str) -> Iterator[tuple[Page, Wire]]:
     wait_for(page, DRAWN)
     yield page, wire
     context.close()
+
+
+def test_a_tab_that_is_left_before_it_comes_is_not_made(wired: tuple[Page, Wire]) -> None:
+    """Open a tab by its key while nothing arrives, and go back: the page says so, and does not make it."""
+    page, wire = wired
+    frame = page.locator(".frame")
+    page.evaluate(MADE_PLOTS)
+    with wire.delayed() as late:
+        page.keyboard.press("2")
+        expect(page.get_by_role("tab", name="Flight", exact=True)).to_have_attribute("aria-selected", "true")
+        expect(frame).to_contain_text("what was flown, measured and estimated")
+        expect(frame.get_by_role("progressbar")).to_be_visible()
+        eventually(page, lambda: any("Specific force" in str(one) for one in late))
+        frame.get_by_role("button", name="Cancel").click()
+        expect(frame).to_have_count(0)
+        shown(page, "Errors")
+    wait_for(page, f"window.madePlots.length && {DRAWN}")
+    expect(frame).to_have_count(0)
+    made = page.evaluate("window.madePlots.map((view) => view.model.title.text)")
+    assert len(made) == 9
+    assert all("error" in title for title in made)
 
 
 def test_a_change_that_the_server_did_not_hear_any_more_is_made_after_the_cut(

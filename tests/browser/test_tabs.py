@@ -25,8 +25,10 @@ pytestmark = pytest.mark.browser
 COVERED = """
 () => {
   const isSeen = (one) => !["STYLE", "LINK"].includes(one.tagName) && getComputedStyle(one).opacity > 0;
+  const isFrame = (one) => one.matches(".frame") && one.querySelector("p").innerText.startsWith("Drawing ");
+  const hasOnlyFrame = (parts) => parts.length === 1 && isFrame(parts[0]);
   const inside = (root) => [...root.querySelectorAll("*")].some((one) =>
-    (one.dataset?.waiting && ![...one.shadowRoot.children].some(isSeen)) ||
+    (one.hasAttribute("data-waiting") && hasOnlyFrame([...one.shadowRoot.children].filter(isSeen))) ||
     (one.shadowRoot && inside(one.shadowRoot)));
   window.covered = [];
   const parts = Array.from(Bokeh.index.query(({model}) => model.css_classes?.includes("page-parts")))[0];

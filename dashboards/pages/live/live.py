@@ -66,6 +66,7 @@ class Live(PartOfWatched, Page):
     """Streams: rates, forces, attitude, position and innovations as they come."""
 
     title = "Live"
+    contents = "the streams and their plots"
     over_time = False
     depends_on_window = False
 
