@@ -45,7 +45,54 @@
       if (covers.matches) { was_open = frame.sidebar_open; }
       frame.sidebar_open = was_open && !covers.matches;
     });
+    watch_silence(pulled._connection, () => pulled.request_server_info());
     return pulled;
+  };
+
+  // A network that swallows packets closes no connection. The server answers each message, so one without an answer is
+  // noticed; a page that says nothing asks now and then. Only the time counts in which this page was awake and seen: a
+  // browser that slept, or was at work itself, has heard nothing either. A large message may take its time on its way.
+  const [LOOK, MOST, OFTEN, SLOWEST] = [500, 4000, 10000, 50];  // [ms], and bytes each ms
+  const watch_silence = (connection, ask) => {
+    let asked = false, sent = 0, waited = 0, quiet = 0, looked = performance.now(), box = null, socket = null;
+    const end = () => {
+      asked = false;
+      sent = waited = quiet = 0;
+      box?.remove();
+      box = null;
+    };
+    const follow = () => {
+      if (socket === connection.socket) { return; }
+      ({socket} = connection);
+      end();
+      if (socket === null) { return; }
+      const {send} = socket;
+      socket.addEventListener("message", end);
+      socket.send = (data) => {
+        asked = true;
+        sent += data.byteLength ?? data.length;
+        send.call(socket, data);
+      };
+    };
+    follow();
+    setInterval(() => {
+      const now = performance.now(), passed = now - looked;
+      looked = now;
+      follow();
+      if (socket === null) { return; }
+      if (document.hidden || passed > MOST) {
+        waited = 0;
+        quiet = OFTEN;
+        return;
+      }
+      quiet += LOOK;
+      if (asked) { waited += LOOK; } else if (quiet >= OFTEN) { ask().catch(() => {}); }
+      if (waited < MOST + sent / SLOWEST || box !== null) { return; }
+      box = window.insLabAlert(`The server does not answer. It is busy, or the network is interrupted. What you do
+        meanwhile is done once it answers.`, "Hide", (shown) => { shown.style.display = "none"; });
+      box.setAttribute("role", "status");
+      box.style.background = "#6b4a00";
+    }, LOOK);
   };
 
   // The server describes each component that it knows, 160 of them, before the page, which has 20. Bokeh makes a class of

@@ -95,18 +95,21 @@ def test_a_tab_that_is_left_before_it_comes_is_not_made(wired: tuple[Page, Wire]
     """Open a tab by its key while nothing arrives, and go back: the page says so, and does not make it."""
     page, wire = wired
     frame = page.locator(".frame")
+    silence = page.get_by_role("status").filter(has_text="The server does not answer")
     page.evaluate(MADE_PLOTS)
     with wire.delayed() as late:
         page.keyboard.press("2")
         expect(page.get_by_role("tab", name="Flight", exact=True)).to_have_attribute("aria-selected", "true")
         expect(frame).to_contain_text("what was flown, measured and estimated")
         expect(frame.get_by_role("progressbar")).to_be_visible()
+        expect(silence).to_be_visible()
         eventually(page, lambda: any("Specific force" in str(one) for one in late))
         frame.get_by_role("button", name="Cancel").click()
         expect(frame).to_have_count(0)
         shown(page, "Errors")
     wait_for(page, f"window.madePlots.length && {DRAWN}")
     expect(frame).to_have_count(0)
+    expect(silence).to_have_count(0)
     made = page.evaluate("window.madePlots.map((view) => view.model.title.text)")
     assert len(made) == 9
     assert all("error" in title for title in made)
