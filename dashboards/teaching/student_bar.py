@@ -247,7 +247,8 @@ class StudentBar:
             if told is not None and told.paths == paths and now - told.at < QUIET:  # one motion of a slider
                 before = told.before
             self._told = _Told(paths, before, after, now)
-            self._desk.flash(paths)
+            with together(self._desk.document):
+                self._desk.flash(paths)
 
     def _settings(self) -> dict[str, str]:
         """Return the settings of the page that differ from the defaults; a seed may be hidden."""

@@ -21,6 +21,8 @@ PHONE = {
 }
 FLIGHT = "mission=los_angeles&trajectory.imu_rate=50&tab=Errors"
 TIME = "Bokeh.documents[0].get_model_by_name('time cursor').location"
+FLASHES = "[...Bokeh.documents[0].all_models].some(({css_classes}) => css_classes?.includes?.('told'))"
+"""Whether a field flashes that a teacher has changed."""
 TITLE_SIZE = """parseFloat(
     [...Bokeh.documents[0].all_models].find((model) => model.type === "Title").text_font_size)"""
 
@@ -57,6 +59,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         wait_for(phone, DRAWN)
         bar(phone, "You follow your teacher.")
         bar(teacher, "follow")
+        _what_the_teacher_changes_flashes_and_is_named(teacher, phone)
         show(teacher, "Flight")
         teacher.evaluate(f"{TIME} = 42")
         wait_for(phone, f"{TIME} === 42")
@@ -80,6 +83,14 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         teacher.context.close()
         assert "Traceback" not in served.log.read_text()
     assert complaints == []
+
+
+def _what_the_teacher_changes_flashes_and_is_named(teacher: Page, phone: Page) -> None:
+    noise = teacher.get_by_role("textbox", name="White noise [°/s/√Hz]")
+    noise.fill("0.2")
+    noise.press("Enter")
+    bar(phone, "Changed: Gyros: White noise 0.05 → 0.2")
+    wait_for(phone, FLASHES)
 
 
 def open_live(page: Page) -> None:
