@@ -20,6 +20,7 @@ from lab.base.progress import Progress
 from lab.experiment.result import Result
 from lab.sensors.cards import card_in_force
 from lab.views.allan import TITLES, AllanFigures
+from lab.views.ensemble_cards import scroll_box
 
 LEAST_REST = 10.0
 """Shortest rest at the start of a log for an Allan deviation [s]."""
@@ -160,7 +161,8 @@ def terms_html(result: Result, content: AtRest) -> str:
             f"{cells}<td></td><td></td><td></td></tr>"
         )
     head = "".join(f"<th>{word} {axis}</th>" for word in ("fitted", "set") for axis in "xyz")
-    return f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'
+    table = f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'
+    return scroll_box(table, "Coefficients")
 
 
 def _set(group: Settings, name: str) -> list[str]:

@@ -15,9 +15,14 @@ from lab.analysis.observability import observability_table
 from lab.base.progress import Progress
 from lab.experiment.result import Result
 from lab.views.budget import BudgetFigures
+from lab.views.legend import SLIM
 
-_ROWS = f":host {{ grid-auto-rows: max(240px, calc((100vh - {AROUND + 100}px) / 2)) !important; }}"
-"""Two rows that share the height of the window below the selection and the sentence."""
+_ROWS = f"""
+:host {{ grid-auto-rows: max(240px, calc((100vh - {AROUND + 100}px) / 2)) !important; }}
+@container stage (max-width: {SLIM}px) {{ :host {{ grid-auto-rows: 440px !important; }} }}
+"""
+"""Two rows that share the height of the window below the selection and the sentence; on a phone, they have
+room for a legend below the plot."""
 
 
 class Budget(ComputedPage):

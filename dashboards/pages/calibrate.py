@@ -27,6 +27,7 @@ from lab.experiment.calibration import (
     calibrate_mounting,
     card_of,
 )
+from lab.views.ensemble_cards import scroll_box
 from lab.views.figures import TimeAxis
 
 KINDS: dict[str, Callable[[list[Path]], Found]] = {
@@ -148,5 +149,6 @@ def found_html(found: Found) -> str:
     )
     head = "".join(f"<th>{name}</th>" for name in ("sensor", "term", "value", "σ", "95 % interval", "unit"))
     said = "".join(f"<li>{escape(sentence)}</li>" for sentence in found.sentences)
-    table = f"<table><tr>{head}</tr>{rows}</table>" if rows else "<p><b>No number is stated.</b></p>"
+    table = f"<table><tr>{head}</tr>{rows}</table>"
+    table = scroll_box(table, "Calibration") if rows else "<p><b>No number is stated.</b></p>"
     return f"<ul>{said}</ul>{table}"

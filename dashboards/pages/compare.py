@@ -39,7 +39,6 @@ from lab.views.quantities import LETTERS
 from lab.views.run_comparison import Assessment, Row, assess, assess_seeds, comparison_html
 
 _STYLE = """
-.wide { overflow-x: auto; max-width: 100%; }
 .change { opacity: .7; font-size: 12px; }
 th { white-space: normal; vertical-align: bottom; min-width: 64px; }
 tr.group th { text-align: left; padding-top: 12px; }
@@ -49,7 +48,7 @@ td:first-child, th:first-child { white-space: normal; min-width: 110px; }
 tr:not(.group) > :first-child { position: sticky; left: 0; background: var(--mui-palette-background-paper); }
 td { vertical-align: top; }
 p { font: 14px/1.5 Roboto, sans-serif; }
-@media (max-width: 600px) { td.words { min-width: 180px; } }
+@media (max-width: 600px) { td.words { min-width: 180px; } th { min-width: 0; } }
 """
 _TOGGLE = {"padding": "4px 10px"}
 _HINT = (

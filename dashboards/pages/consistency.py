@@ -29,7 +29,7 @@ from lab.base.progress import Progress
 from lab.experiment.ensembles.ensemble import Ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
-from lab.views.ensemble_cards import describe_coverage
+from lab.views.ensemble_cards import describe_coverage, scroll_box
 from lab.views.figures import TimeAxis
 from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY
 from lab.views.time_figures import TimeFigures
@@ -207,7 +207,7 @@ class Consistency(ComputedPage):
         if isinstance(judged, Ensemble) or not judged.missing_reason("coverage"):
             tables.append(coverage_html(judged))
         self._tables.object = (
-            f'<div class="tables">{"".join(f"<div>{table}</div>" for table in tables)}</div>'
+            f'<div class="tables">{"".join(scroll_box(table, "Statistics") for table in tables)}</div>'
         )
 
     def _follow_advice(self) -> None:

@@ -15,7 +15,7 @@ from dashboards.pages.computed import ComputedPage
 from dashboards.style import plain_column, wide_html
 from lab.base.progress import Progress
 from lab.experiment.result import Result
-from lab.views.microscope import EllipseFigures, sentence, update_html
+from lab.views.microscope import EllipseFigures, number, sentence, update_html
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -122,8 +122,8 @@ def _others_at(result: Result, time: float) -> str:
     data = result.aiding
     near = np.flatnonzero(np.abs(result.aids.time - time) < float(np.diff(result.time[:2])[0]))
     parts = [
-        f"{data.kind.values[at]} {data.innovation.values[at]:.3g} {data.unit.values[at]} "
-        f"(σ {data.sigma.values[at]:.3g}{'' if data.used.values[at] else ', rejected'})"
+        f"{data.kind.values[at]} {number(data.innovation.values[at])} {data.unit.values[at]} "
+        f"(σ {number(data.sigma.values[at])}{'' if data.used.values[at] else ', rejected'})"
         for at in near
         if np.isfinite(data.innovation.values[at])
     ]

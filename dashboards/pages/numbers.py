@@ -24,6 +24,7 @@ from lab.experiment.filter_programs import PROGRAMS, lines
 from lab.experiment.imu_numbers import numbers
 from lab.experiment.number_table import HEADS, UNKNOWN, ImuNumbers
 from lab.missions import LogMission, missions
+from lab.views.ensemble_cards import scroll_box
 from lab.views.figures import TimeAxis
 
 OWN_REST = "The longest rest of the drive"
@@ -207,6 +208,6 @@ def numbers_html(found: ImuNumbers) -> str:
     remarks = "".join(f"<li>{escape(remark)}</li>" for remark in found.remarks)
     return (
         f"<p>At rest: {escape(found.static or UNKNOWN)}. In motion: {escape(found.moving or UNKNOWN)}. "
-        f"Intervals are 95 % intervals.</p><table><tr>{heads}</tr>{rows}</table>"
+        f"Intervals are 95 % intervals.</p>{scroll_box(f'<table><tr>{heads}</tr>{rows}</table>', 'Numbers')}"
         f"<p>{escape(found.convention)}</p><ul>{why}{remarks}</ul>"
     )

@@ -23,6 +23,7 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.sensors.cards import GRADES, KEY_TERMS, Card, card, card_in_force, cards
 from lab.sensors.suite import TRIADS, SensorSuite
+from lab.views.ensemble_cards import scroll_box
 from lab.views.figures import TimeAxis
 
 _STYLE = """
@@ -151,10 +152,11 @@ def terms_html(sensors: SensorSuite, one: Card | None) -> str:
                 f'<td>{escape(value)}</td><td>{escape(by_card)}</td><td class="unit">{escape(unit)}</td>'
                 f'<td class="words">{escape(source)}</td></tr>'
             )
-    return (
-        f"<h3>Sensors in use: {escape(name)}</h3><table><tr><th></th><th>set</th><th>card</th>"
-        f"<th class='unit'>unit</th><th class='words'>source</th></tr>{''.join(rows)}</table>"
+    table = (
+        '<table><tr><th></th><th>set</th><th>card</th><th class="unit">unit</th><th class="words">source</th>'
+        f"</tr>{''.join(rows)}</table>"
     )
+    return f"<h3>Sensors in use: {escape(name)}</h3>{scroll_box(table, 'Sensors in use')}"
 
 
 def _short(value: Any) -> Any:

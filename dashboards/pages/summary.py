@@ -9,6 +9,7 @@ from typing import Any
 
 from dashboards.seen_names import as_seen
 from lab.experiment.result import Result
+from lab.views.ensemble_cards import scroll_box
 
 TABLE_STYLE = Path(__file__).with_name("summary.css").read_text("utf-8")
 
@@ -30,9 +31,10 @@ def summary_html(result: Result) -> str:
     words = f"error = estimate − {result.truth_word}" if known else "innovations in their σ (navigator − fix)"
     remarks = "".join(f"<li>{escape(as_seen(remark))}</li>" for remark in result.remarks)
     below = f"<ul>{remarks}</ul>" if result.recorded else ""
+    shown = f"<table><tr><th></th>{head}</tr>{''.join(rows)}</table>"
     return (
         f"<p>{escape(result.mission.title or result.mission.name)}, {what}; {words}</p>"
-        f"<table><tr><th></th>{head}</tr>{''.join(rows)}</table>{below}"
+        f"{scroll_box(shown, 'Summary')}{below}"
     )
 
 

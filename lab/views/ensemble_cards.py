@@ -18,10 +18,26 @@ BY_CHANCE = 0.05
 """Part of the averages of a matched filter that is outside a 95 % interval."""
 
 
+def scroll_box(table: str, label: str) -> str:
+    """Return a table that scrolls sideways within its box where that is narrow, also by keys.
+
+    Parameters
+    ----------
+    table
+        Its HTML.
+    label
+        Name of the box for who hears the page.
+    """
+    return (
+        '<div style="overflow-x:auto;max-width:100%" tabindex="0" role="region" '
+        f'aria-label="{escape(label)}">{table}</div>'
+    )
+
+
 def comparison_html(comparison: Comparison) -> str:
     """Return a comparison as HTML."""
     return (
-        f'<div style="overflow-x:auto">{models_html(comparison)}</div>'
+        f"{scroll_box(models_html(comparison), 'Comparison')}"
         "<p>The errors are root mean squares over all runs. NEES and NIS are means, beside their expected "
         "values. The time is that of the navigator for one flight.</p>"
     )

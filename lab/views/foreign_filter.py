@@ -15,7 +15,7 @@ from bokeh.plotting import figure
 
 from lab.analysis.verdicts.foreign_evidence import Measurement
 from lab.analysis.verdicts.foreign_verdict import ForeignVerdict
-from lab.views.ensemble_cards import verdict_html
+from lab.views.ensemble_cards import scroll_box, verdict_html
 from lab.views.figures import plain_figure
 
 PARTS = 60
@@ -48,9 +48,8 @@ def foreign_html(found: ForeignVerdict) -> str:
     )
     more = len(found.log.events) - MOST_SHOWN
     cut = f"<p>{more} more events; ins-lab judge lists all.</p>" if more > 0 else ""
-    happened = (
-        f"<p><b>What happened</b></p><table><tr><th>time</th><th>kind</th><th></th></tr>{events}</table>{cut}"
-    )
+    table = f"<table><tr><th>time</th><th>kind</th><th></th></tr>{events}</table>"
+    happened = f"<p><b>What happened</b></p>{scroll_box(table, 'Events')}{cut}"
     return (
         f"{verdict_html(found.verdict)}{_table(found.measurements)}"
         f"{f'<ul>{statements}</ul>' if statements else ''}{happened if events else ''}"
@@ -66,7 +65,7 @@ def _table(measurements: Iterable[Measurement]) -> str:
         for one in measurements
     )
     head = "".join(f"<th>{name}</th>" for name in HEADS)
-    return f"<table><tr><th>measurement</th>{head}</tr>{rows}</table>"
+    return scroll_box(f"<table><tr><th>measurement</th>{head}</tr>{rows}</table>", "Measurements")
 
 
 def _number(value: float) -> str:

@@ -24,11 +24,13 @@ for (const [item, glyphs] of entries)
 
 NARROW: Final = 600
 """Width of a figure below which a legend beside the plot stands below it [px]: it has up to 230 px itself."""
+SLIM: Final = 480
+"""Width of a figure below which such a legend has one column [px]: two names of sources need 400 px."""
 MOVE: Final = f"""
 const narrow = fig.outer_width < {NARROW};
+legend.setv({{ncols: narrow && fig.outer_width >= {SLIM} ? 2 : 1}}, {{sync: false}});
 if (narrow !== fig.below.includes(legend)) {{
     const [right, below] = [fig.right, fig.below].map((many) => many.filter((one) => one !== legend));
-    legend.setv({{ncols: narrow ? 2 : 1}}, {{sync: false}});
     (narrow ? below : right).push(legend);
     fig.setv({{right, below}}, {{sync: false}});
 }}

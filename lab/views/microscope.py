@@ -13,6 +13,7 @@ from bokeh.plotting import figure
 from scipy import special
 
 from lab.base.arrays import FloatArray
+from lab.views.ensemble_cards import scroll_box
 from lab.views.figures import plain_figure
 from lab.views.legend import add_legend
 from lab.views.quantities import BLUE, FIXES, TRUTH
@@ -245,10 +246,7 @@ def update_html(update: xr.Dataset) -> str:
 
 def _table(rows: Iterator[str], label: str, name: str = "") -> str:
     """Return a table that scrolls within its box, also by keys."""
-    return (
-        f'<div class="box" tabindex="0" role="region" aria-label="{label}">'
-        f'<table class="{name}">{"".join(rows)}</table></div>'
-    )
+    return scroll_box(f'<table class="{name}">{"".join(rows)}</table>', label)
 
 
 def _gains(update: xr.Dataset) -> str:

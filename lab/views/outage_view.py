@@ -14,6 +14,7 @@ from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
 from lab.experiment.outage_table import OutageRow, OutageTable
+from lab.views.ensemble_cards import scroll_box
 from lab.views.figures import decade_ticks, plain_figure
 from lab.views.legend import add_legend
 from lab.views.mission_card import title_of_mission
@@ -60,7 +61,7 @@ def table_html(table: OutageTable) -> str:
     )
     tuning = f"<p><b>{escape(table.tuning)}</b></p>" if table.tuning else ""
     remarks = "".join(f"<p>{escape(text)}</p>" for text in (*table.remarks, ABOUT_TABLE))
-    shown = f'<div class="wide" style="overflow-x:auto"><table><tr>{head}</tr>{body}</table></div>'
+    shown = scroll_box(f"<table><tr>{head}</tr>{body}</table>", "Outages")
     return f"{tuning}{shown}{remarks}"
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from lab.analysis.errors import outage_ends
 from lab.base.arrays import FloatArray
 from lab.experiment.datasets.flight import error_component
-from lab.views.ensemble_cards import SIGNS
+from lab.views.ensemble_cards import SIGNS, scroll_box
 
 if TYPE_CHECKING:
     from lab.analysis.verdicts.verdict import Verdict
@@ -266,7 +266,7 @@ def comparison_html(rows: Sequence[Row], baseline: str = "") -> str:
         f"<p>{escape(name)}: {escape(reason)}</p>" for reason, name in reversed(reasons.items()) if reason
     )
     table = f'<table><tr><th></th>{heads}<th class="words">Verdict</th></tr>{"".join(body)}</table>'
-    return f'<div class="wide">{table}</div>{notes}'
+    return f"{scroll_box(table, 'Comparison')}{notes}"
 
 
 def _cells(

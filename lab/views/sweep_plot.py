@@ -10,6 +10,7 @@ import holoviews as hv
 import numpy as np
 
 from lab.base.arrays import FloatArray
+from lab.views.ensemble_cards import scroll_box
 from lab.views.mission_card import title_of_mission
 from lab.views.paper_figure import Layout
 from lab.views.plots import HEIGHT_PIXELS, WIDTH, columns, use_bokeh
@@ -168,7 +169,7 @@ def sweep_html(sweep: Sweep) -> str:
     return (
         f"<h4>{escape(title_of_mission(sweep.mission))}, {np.prod(sizes):.0f} combinations of values, "
         f"{data.sizes['seed']} seeds each</h4>"
-        f'<div style="overflow-x:auto"><table><tr>{head}</tr>{body}</table></div>{more}'
+        f"{scroll_box(f'<table><tr>{head}</tr>{body}</table>', 'Sweep')}{more}"
         "<p>The value over all seeds; in brackets, 90 % of the runs are between these.</p>"
         f"{f'<ul>{refused}</ul>' if refused else ''}"
     )

@@ -15,6 +15,7 @@ from lab.live.stream_statistics import LEAST_HZ, Spectrum
 from lab.live.twin import CORRELATION, Difference, TwinComparison
 from lab.sensors.suite import SensorSuite
 from lab.views.allan import TITLES, UNITS, AllanFigures, coefficients
+from lab.views.ensemble_cards import scroll_box
 from lab.views.paired_curves import PairedCurves
 
 DENSITIES = {"gyro": "°/s/√Hz", "accelerometer": "µg/√Hz"}
@@ -124,7 +125,6 @@ th { font-weight: 500; opacity: 0.7; }
 td.number { text-align: right; white-space: nowrap; }
 .differs { color: color-mix(in srgb, #e5484d 65%, currentColor); font-weight: 600; }
 ul { margin: 4px 0; padding-left: 20px; }
-.scroll { overflow-x: auto; }
 """
 """Style sheet of the table and of the sentences above it."""
 _TRIADS = {"gyro": "gyros", "accelerometer": "accelerometers"}
@@ -151,7 +151,7 @@ def twin_html(found: TwinComparison) -> str:
         )
     head = "<tr><th>Quantity</th><th>Real</th><th>Simulated</th><th>Real / simulated</th></tr>"
     rows = "".join(_row(one) for one in found.differences)
-    return f'{words}<div class="scroll"><table>{head}{rows}</table></div>'
+    return f"{words}{scroll_box(f'<table>{head}{rows}</table>', 'Quantities')}"
 
 
 def _row(one: Difference) -> str:

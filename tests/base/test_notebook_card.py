@@ -186,7 +186,7 @@ def test_a_sweep_names_its_mission_by_its_title_and_scrolls_where_it_is_wide(mis
     swept = mistuned.experiment.sweep({"navigator.r_scale": [0.1, 1.0]}, 1)
     page = str(swept._repr_html_())
     assert "<h4>Los Angeles, 2 combinations" in page
-    assert '<div style="overflow-x:auto"><table>' in page
+    assert '<div style="overflow-x:auto;max-width:100%" tabindex="0"' in page
 
 
 def test_a_sensor_card_shows_numbers_with_units_and_sources() -> None:

@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from dashboards.page_tabs import IN_TABS
 from dashboards.settings_panel import SECTIONS
-from tests.browser.conftest import DRAWN, ERRORS, IDLE, show, wait_for, watched
+from tests.browser.conftest import DRAWN, ERRORS, HEIGHT, IDLE, WIDTH, show, wait_for, watched
 
 pytestmark = pytest.mark.browser
 
@@ -91,6 +91,11 @@ def test_axe_finds_nothing_serious_anywhere(
     expect(page.get_by_role("dialog")).to_be_visible()
     found += serious(page, "the keys")
     page.keyboard.press("Escape")
+    page.set_viewport_size({"width": 360, "height": 740})  # tables scroll in their boxes, also by keys
+    for title in ("Verdict", "Compare", "Cards"):
+        show(page, title)
+        found += serious(page, f"{title} on a phone")
+    page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
     for title, (there, parts) in BESIDE.items():
         show(page, title)
         expect(page.get_by_role("button", name=there).first).to_be_visible()

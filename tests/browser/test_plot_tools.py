@@ -214,12 +214,16 @@ def test_the_legend_of_the_budget_stands_below_in_a_narrow_window_of_a_mouse(
       const plot = [...insLabPlots].find(({model}) => model.title?.text.startsWith("Share"));
       const legend = [...plot.model.right, ...plot.model.below].find(({type}) => type === "Legend");
       const view = plot.renderer_views.get(legend);
-      const [outer, inner] = [plot.el, view.el].map((el) => el.getBoundingClientRect());
-      return [plot.model.below.includes(legend), inner.left >= outer.left && inner.right <= outer.right];
+      const outer = plot.el.getBoundingClientRect();
+      const parts = [...view.shadow_el.querySelectorAll("*")].map((el) => el.getBoundingClientRect());
+      const drawn = parts.filter(({width}) => width > 0);
+      const inside = drawn.every(({left, right}) => left >= outer.left && right <= outer.right);
+      return [plot.model.below.includes(legend), inside && plot.frame.bbox.height > 100];
     })()"""
     wait_for(
         page, "[...insLabPlots].some(({model}) => model.title?.text.startsWith('Share of the variance of'))"
     )
-    for width, below in ((390, True), (700, False), (480, True), (1440, False)):  # the settings stay closed
+    # The settings stay closed.
+    for width, below in ((390, True), (360, True), (700, False), (480, True), (1440, False)):
         page.set_viewport_size({"width": width, "height": 900})
         wait_for(page, f"String({places}) === '{str(below).lower()},true'")

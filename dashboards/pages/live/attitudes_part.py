@@ -20,18 +20,22 @@ from dashboards.style import whole_column, wide_html
 from lab.base.arrays import FloatArray
 from lab.live.beside.attitude_comparison import DEVICE, OURS, AttitudeComparison, Difference
 from lab.live.beside.own_algorithm import OwnAlgorithm
+from lab.views.ensemble_cards import scroll_box
 from lab.views.rolling_figures import LiveAttitudeFigures
 
 NONE = "none"
 """Choice of no algorithm."""
 RECENT = 60.0
 """Time over which attitudes are compared in the table [s]."""
+_HEAD = (
+    f"<tr><th>Last {RECENT:g} s</th><th>Tilt</th><th>Roll</th><th>Pitch</th><th>Heading, mean</th>"
+    "<th>Heading about it</th></tr>"
+)
 _NOTHING = "<p>Connect a source to see its attitudes side by side.</p>"
 _TABLE = """
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: 2px 12px 2px 0; text-align: right; font-weight: 400; } th { opacity: 0.75; }
 th:first-child, td:first-child { text-align: left; }
-.wide { overflow-x: auto; }
 """
 
 
@@ -135,8 +139,7 @@ def _table(differences: list[Difference]) -> str:
         return ""
     rows = "".join(f"<tr>{''.join(_cells(one))}</tr>" for one in differences)
     return (
-        f'<div class="wide"><table><tr><th>Last {RECENT:g} s</th><th>Tilt</th><th>Roll</th><th>Pitch</th>'
-        f"<th>Heading, mean</th><th>Heading about it</th></tr>{rows}</table></div>"
+        f"{scroll_box(f'<table>{_HEAD}{rows}</table>', 'Differences')}"
         "<p>Tilt, roll, pitch and the last column are rms. Without a source of heading, its mean is "
         "arbitrary.</p>"
     )

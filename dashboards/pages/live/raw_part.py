@@ -23,6 +23,7 @@ table {{ border-collapse: collapse; width: 100%; font: 12.5px/1.45 ui-monospace,
 th {{ text-align: left; font-weight: 500; opacity: 0.7; padding: 2px 14px 2px 0; }}
 td {{ vertical-align: top; padding: 3px 14px 3px 0; border-top: 1px solid rgba(128, 136, 149, 0.3);
      overflow-wrap: anywhere; white-space: pre-wrap; }}
+td:nth-child(3) {{ word-break: break-all; }} .lines th:nth-child(3) {{ width: 55%; }}
 td:first-child {{ text-align: right; opacity: 0.7; }}
 p {{ margin: 2px 0 6px; }}
 @container stage (max-width: {NARROW}px) {{
