@@ -215,6 +215,8 @@ def share_result(result: Result) -> Result:
     with it, and made once for all of these pages. Results do not change.
     """
     other = _shown.setdefault(id(result.solution_arrays), result)
+    if other is result:
+        return result
     mine, its = result.experiment, other.experiment
     is_same = (
         all(getattr(result.mission, one.name) == getattr(other.mission, one.name) for one in fields(Mission))
