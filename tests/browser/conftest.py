@@ -70,7 +70,7 @@ CURVE = f"String([...({DATA}?.time ?? []), ...({DATA}?.position_east ?? [])])"
 """Times and values of the first curve of the page, as one text."""
 RANGE_END = "Bokeh.documents[0].get_model_by_name('time axis')?.end"
 WHOLE = f"""{IDLE} && ((cards) => cards.length && cards.every(
-  (card) => card.data.collapsed || card.data.objects[0].children.length
+  (card) => card.data.collapsed || card.data.objects[0]?.children.length
 ))([...Bokeh.documents[0].all_models].filter((one) => one.name === "Card"))"""
 """Whether the settings are there, which come after the plots."""
 SEEN = f"""((time, cursor) => String([{CURVE}, ...[time.start, time.end, cursor.location].map(Math.round)]))(
