@@ -21,7 +21,7 @@ from bokeh.resources import Resources
 from lab.base.files.atomic_file import write_file
 from lab.base.result_files import refuse_existing
 from lab.run.provenance import facts_block
-from lab.views.ensemble_cards import verdict_html
+from lab.views.ensemble_cards import scroll_box, verdict_html
 from lab.views.figures import TimeAxis
 from lab.views.quantities import CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS
 from lab.views.report_scene import STYLE, scene_html
@@ -148,14 +148,15 @@ def _set_height(fig: figure, height: int = LINE) -> figure:
 def _tables(result: Result) -> Iterator[str]:
     """Iterate over the tables of errors, of errors in their σ, and of innovations in theirs."""
     if not result.missing_reason("summary"):
-        yield _table(result.summary)
+        yield _table(result.summary, "Errors")
     if not result.missing_reason("coverage"):
-        yield _table(result.coverage)
-    yield _table(result.whiteness)
+        yield _table(result.coverage, "Errors in their σ")
+    yield _table(result.whiteness, "Innovations")
 
 
-def _table(table: pd.DataFrame) -> str:
-    return str(table.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="–"))
+def _table(table: pd.DataFrame, label: str) -> str:
+    html = table.to_html(index=False, border=0, float_format=lambda value: f"{value:.3g}", na_rep="–")
+    return scroll_box(str(html), label)
 
 
 def _versions(facts: Mapping[str, Any]) -> str:

@@ -30,5 +30,7 @@ def test_a_report_is_drawn_without_a_network_and_printed_on_few_pages(
     assert max(widths) <= 1280
     pages = re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True))
     assert 1 <= len(pages) <= MOST_PAGES
+    page.set_viewport_size({"width": 390, "height": 844})  # a phone: tables scroll, and the page does not
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
     assert said == []
     context.close()
