@@ -162,8 +162,8 @@ def _read_kept(parts: dict[str, Any]) -> Kept:
         case _:
             typed = None
     match parts.get("before"):
-        case [str(before)]:
-            pass
+        case [str(settings)]:
+            before: str | None = settings
         case _:
             before = None
     called, compared = parts.get("name"), parts.get("compared")

@@ -375,7 +375,7 @@ class SettingsPanel:
         def unfold(event: param.parameterized.Event) -> None:
             if len(column) == 1:
                 column.append(plain_column(*(self._make(path) for path in paths)))
-            column[1].visible = event.new
+            column.objects[1].visible = event.new
             toggle.param.update(
                 label="Less" if event.new else "More", icon="expand_less" if event.new else "expand_more"
             )

@@ -144,7 +144,9 @@ class TimeFigures:
         """
         window, ready = self.axis.window, self._ready
         marks = (f"{letter}: " for letter in LETTERS)
-        of_held = {mark: ref(one) for mark, one in zip(marks, held, strict=False) if one is not None}
+        of_held: dict[str, ref[Result | Ensemble]] = {
+            mark: ref(one) for mark, one in zip(marks, held, strict=False) if one is not None
+        }
         self._seen = {"": ref(result), **of_held}
         beside = self._draw_held(held, window)
         self._ready = None

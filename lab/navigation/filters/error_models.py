@@ -110,7 +110,7 @@ class ErrorModel:
     in_body: bool = False
     mechanization: str = NORTH_SLAVED
     blocks: tuple[str, ...] = ()
-    kernels: tuple[tuple[Write, Write], ...] = ()
+    kernels: tuple[tuple[Callable[..., object], Callable[..., object]], ...] = ()
     constants: tuple[tuple[str, int, int], ...] = ()
 
     @property
