@@ -212,15 +212,16 @@ def share_result(result: Result) -> Result:
     """Return the result of the same run that a page shows already, if one does, or else the given one.
 
     Most pages open with the same settings. What is derived of a result, as errors, σ and verdict, is kept
-    with it, and made once for all of these pages. Results do not change.
+    with it, and made once for all of these pages. Results do not change. A run that hides something belongs
+    to its lesson or homework alone, which says what may be changed.
     """
-    other = _shown.setdefault(id(result.solution_arrays), result)
+    mine = result.experiment
+    other = result if mine.hidden else _shown.setdefault(id(result.solution_arrays), result)
     if other is result:
         return result
-    mine, its = result.experiment, other.experiment
+    its = other.experiment
     is_same = (
         all(getattr(result.mission, one.name) == getattr(other.mission, one.name) for one in fields(Mission))
-        and mine.hidden == its.hidden
         and mine.to_dict() == its.to_dict()
     )
     return other if is_same else result
