@@ -37,7 +37,7 @@ from lab.navigation import strapdown
 from lab.navigation.filters import blocks
 from lab.navigation.kernels import own_room
 from lab.navigation.kernels.compilation import inline_kernel
-from lab.navigation.kernels.generation import Slot, Variant, Written, generate_module, interpret_kernel
+from lab.navigation.kernels.generation import Kernel, Slot, Variant, Written, generate_module, interpret_kernel
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, plus, reset_rate, transport_rate
 
 POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = (slice(i, i + 3) for i in range(0, 21, 3))
@@ -110,7 +110,7 @@ class ErrorModel:
     in_body: bool = False
     mechanization: str = NORTH_SLAVED
     blocks: tuple[str, ...] = ()
-    kernels: tuple[tuple[Callable[..., object], Callable[..., object]], ...] = ()
+    kernels: tuple[tuple[Kernel, Kernel], ...] = ()
     constants: tuple[tuple[str, int, int], ...] = ()
 
     @property
