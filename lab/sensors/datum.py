@@ -15,6 +15,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ import numpy as np
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.setting_kinds import AxisQuantity
 from lab.base.parameters.settings import Settings
+from lab.base.parameters.toml_file import read_toml
 from lab.base.parameters.units import TO_SI
 
 ONE_SIDED, TWO_SIDED = "one-sided", "two-sided"
@@ -42,49 +44,9 @@ ALIKE = (
 """Units of the same kind; each is accepted in place of the others."""
 
 WORDS = {
-    "bias_instability": "flicker",
-    "bias_stability": "flicker",
-    "in_run_stability": "flicker",
-    "in_run_bias_stability": "flicker",
-    "in_run_bias_instability": "flicker",
-    "arw": DENSITY,
-    "angle_random_walk": DENSITY,
-    "angular_random_walk": DENSITY,
-    "vrw": DENSITY,
-    "velocity_random_walk": DENSITY,
-    "noise": DENSITY,
-    "white_noise": DENSITY,
-    "rate_noise_density": DENSITY,
-    "acceleration_noise_density": DENSITY,
-    "rms_noise": DENSITY,
-    "repeatability": "bias_sigma",
-    "bias_repeatability": "bias_sigma",
-    "turn_on_bias": "bias_sigma",
-    "initial_bias_error": "bias_sigma",
-    "zero_rate_output": "bias_sigma",
-    "zero_rate_level": "bias_sigma",
-    "zero_rate_offset": "bias_sigma",
-    "zero_g_output": "bias_sigma",
-    "zero_g_level": "bias_sigma",
-    "zero_g_offset": "bias_sigma",
-    "offset": "bias_sigma",
-    "scale_factor_repeatability": "scale_factor_sigma",
-    "scale_factor_accuracy": "scale_factor_sigma",
-    "scale_factor_tolerance": "scale_factor_sigma",
-    "sensitivity_error": "scale_factor_sigma",
-    "sensitivity_tolerance": "scale_factor_sigma",
-    "nonlinearity": "scale_factor_sigma",
-    "scale_factor_nonlinearity": "scale_factor_sigma",
-    "non_orthogonality": "misalignment",
-    "axis_misalignment": "misalignment",
-    "cross_axis_sensitivity": "misalignment",
-    "linear_acceleration_effect": "g_sensitivity",
-    "acceleration_sensitivity": "g_sensitivity",
-    "bias_temperature_coefficient": "bias_temperature",
-    "scale_factor_temperature_coefficient": "scale_temperature",
-    "full_scale": "range",
-    "full_scale_range": "range",
-    "measurement_range": "range",
+    word: name
+    for name, words in read_toml(Path(__file__).with_name("data_sheet_words.toml")).items()
+    for word in words.split()
 }
 """Words of data sheets for the settings of a triad. Nonlinearity is a scale factor that changes with the
 signal: the lab has a constant one of the same size for it."""

@@ -7,8 +7,10 @@ import math
 import re
 from collections.abc import Collection, Mapping
 from functools import lru_cache
+from pathlib import Path
 
 from lab.base.files.mission_error import MissionError
+from lab.base.parameters.toml_file import read_toml
 from lab.base.parameters.units import (
     DAY,
     DEGREE,
@@ -66,74 +68,12 @@ UNITS: dict[str, Factors] = {name: Factors(units) for name, units in {
 KIND_OF_SI = {unit: kind for kind, units in UNITS.items() for unit, factor in units.items() if factor == 1}
 """The quantity of each unit whose factor is one, such as length of m."""
 
-_SPELLINGS = {spelling: unit for unit, spellings in {
-    "s": "с seconds second sec secs",
-    "ms": "milliseconds millisecond millisec msec millis 0.001s",
-    "µs": "microseconds microsecond microsec us usec micros μs",
-    "min": "minutes",
-    "h": "hours hour hr hrs",
-    "days": "day",
-    "°": "deg degrees degree º wgs84 dd decimaldegrees decimaldeg angle:degs",
-    "rad": "radians radian",
-    "m": "м metres meters metre meter mtr mtrs masl mamsl mmsl",
-    "ft": "feet foot ftmsl ftasl ftamsl ftagl ftwgs",
-    "cm": "0.01m",
-    "mm": "0.001m",
-    "m/s": "м/с m/s^-1",
-    "kt": "knots knot kts ktas kn",
-    "ft/s": "fps",
-    "km/h": "км/ч kph",
-    "ft/min": "fpm",
-    "°/s": "°/с град/с dps degs degs/s d/s",
-    "rad/s": "рад/с rps rads rads/s rads^-1 r/s 1/s s^-1",
-    "m/s²": "м/с² м/с2 м/с^2",
-    "g": "gforce g-force gs g's gee gees gravity standardgravity gn g0",
-    "ft/s²": "fps2 fps^2 fpss",
-    "cm/s²": "gal",
-    "cm/s²/1000": "mgal milligal",
-    "µg": "ug μg microg micro-g micro_g",
-    "°/h": "dph",
-    "m°/s": "mdps mdeg",
-    "mg": "millig milli-g milli_g mgs mgee mgees",
-    "ns": "nsec nanos nanoseconds nanosecond nanosec",
-    "1e-7°": "1e7 e7",
-    "1e-6°": "1e6 e6 microdeg microdegrees µdeg μdeg udeg",
-    "°/100": "cdeg centideg centidegrees",
-    "rad/1000": "mrad millirad milliradians",
-    "s/100": "cs centiseconds",
-    "semicircles": "semicircle",
-    "′": "arcmin angle:min angle:minutes",
-    "µT": "ut µt μt microt microtesla",
-    "T": "tesla",
-    "nT": "nanotesla",
-    "mT": "millitesla",
-    "G": "gauss",
-    "mG": "mgauss milligauss",
-    "hPa": "hpa hectopascal",
-    "kPa": "kpa",
-    "Pa": "pa",
-    "mbar": "millibar",
-    "inHg": "inhg",
-}.items() for spelling in spellings.split()}  # fmt: skip
-"""Units by what files and people write, without blanks and in lower case; those over a time are below."""
-
-_OVER = {part: unit for unit, parts in {
-    "m": "m meter meters metre metres mtr м",
-    "cm": "cm centimeter centimeters centimetre centimetres",
-    "mm": "mm millimeter millimeters millimetre millimetres",
-    "km": "km kms kilometer kilometers kilometre kilometres",
-    "ft": "ft feet foot",
-    "mi": "mi mile miles",
-    "nmi": "nm nmi nauticalmile nauticalmiles",
-    "°": "° º deg degree degrees",
-    "m°": "m° mdeg millideg millidegree millidegrees",
-    "rad": "rad radian radians",
-    "mrad": "mrad millirad millirads milliradian milliradians",
-    "rev": "rev revs revolutions",
-}.items() for part in parts.split()}  # fmt: skip
-_PER = {part: unit for unit, parts in {
-    "s": "s sec secs second seconds", "min": "min minute minutes", "h": "h hr hour hours",
-}.items() for part in parts.split()}  # fmt: skip
+_SPELLINGS, _OVER, _PER = (
+    {spelling: unit for unit, spellings in table.items() for spelling in spellings.split()}
+    for table in read_toml(Path(__file__).with_suffix(".toml")).values()
+)
+"""Units by what files and people write, without blanks and in lower case, and what stands above and below the
+bar of a unit over a time."""
 _TIMES = "|".join(sorted(_PER, key=len, reverse=True))
 _LENGTHS = "|".join(sorted(_OVER, key=len, reverse=True))
 RATIO = (
