@@ -62,12 +62,12 @@ def columns(matrix_g: np.ndarray, matrix_f: np.ndarray) -> Damage:
     return damage
 
 
-def clock(rate: float) -> Damage:
-    """Return what lets the clock of the IMU run fast."""
+def clock(rate: float, agrees: int = 0) -> Damage:
+    """Return what lets the clock of the IMU run fast; it agrees at a sample, by default the first."""
 
     def damage(log: Tables, _rng: np.random.Generator) -> Tables:
         imu = log.imu.copy()
-        imu[:, 0] = imu[0, 0] + (imu[:, 0] - imu[0, 0]) * (1 + rate)
+        imu[:, 0] = imu[agrees, 0] + (imu[:, 0] - imu[agrees, 0]) * (1 + rate)
         return log._replace(imu=imu)
 
     return damage

@@ -254,7 +254,7 @@ def _of_clock(run: Repeatable, part: Trials, log: SensorLog) -> list[Candidate]:
     late = Parameter("lateness", 0.0, -LATEST, LATEST, LATEST, 0.01, 1.0, both=True)
     rate = Parameter("rate", 0.0, -FASTEST, FASTEST, FASTEST, 1e-4, 0.01, both=True)
     starts = [
-        np.array([-rate * where * log.duration, rate])
+        np.array([rate * where * log.duration, rate])  # late at first, by what the faster clock then makes up
         for size in RATES
         for rate in (size, -size)
         for where in ZEROS

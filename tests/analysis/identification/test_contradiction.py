@@ -111,6 +111,15 @@ def test_a_clock_is_named_where_late_fixes_or_noise_of_the_imu_would_be_as_likel
     assert "fast" in finding.sentence
 
 
+@pytest.mark.proof
+def test_a_clock_that_agrees_at_the_end_is_as_fast_as_it_was_made():
+    """The search begins where both clocks agree: within its few steps, it must not end on the way."""
+    made = clock(0.03, agrees=-1)(tables(20.0, 140.0, seed=1001), np.random.default_rng(1001))
+    (finding,) = run(log_of(made=made)).verdict.findings
+    assert finding.quantity == "IMU clock"
+    assert "runs 3 % fast" in finding.sentence
+
+
 @pytest.mark.parametrize("longest", [1, 20])
 def test_losses_that_the_filter_allows_for_are_named_before_it_is_called_consistent(longest):
     whole = tables(*SPAN, seed=1001)
