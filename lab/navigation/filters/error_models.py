@@ -37,7 +37,14 @@ from lab.navigation import strapdown
 from lab.navigation.filters import blocks
 from lab.navigation.kernels import own_room
 from lab.navigation.kernels.compilation import inline_kernel
-from lab.navigation.kernels.generation import Kernel, Slot, Variant, Written, generate_module, interpret_kernel
+from lab.navigation.kernels.generation import (
+    Kernel,
+    Slot,
+    Variant,
+    Written,
+    generate_module,
+    interpret_kernel,
+)
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, plus, reset_rate, transport_rate
 
 POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = (slice(i, i + 3) for i in range(0, 21, 3))
