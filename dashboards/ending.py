@@ -10,7 +10,9 @@ import contextlib
 import logging
 import os
 import signal
+import socket
 import threading
+import time
 from collections.abc import Callable, Iterable, Sequence
 from types import FrameType
 from weakref import WeakKeyDictionary, WeakMethod
@@ -124,12 +126,32 @@ def end_on_signals(
             exit_now(number)
             return
         _is_ending.set()
-        timer = threading.Timer(PATIENCE, exit_hard, [number])
-        timer.daemon = True
-        timer.start()
         loop.call_soon_threadsafe(lambda: ends.append(loop.create_task(end(number))))
 
     with contextlib.suppress(ValueError):  # only the main thread receives signals
-        for name in ("SIGTERM", "SIGHUP"):
-            if hasattr(signal, name):
-                signal.signal(getattr(signal, name), asked)
+        numbers = {getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)}
+        _exit_later(numbers, exit_hard)
+        for number in numbers:
+            signal.signal(number, asked)
+
+
+def _exit_later(numbers: set[int], leave: Callable[[int], None]) -> None:
+    """Have a thread call a function `PATIENCE` after a signal, even if compiled code holds the main one.
+
+    Python calls handlers in the main thread, between two of its own instructions. It also writes the number
+    of each signal to a socket, at once.
+    """
+    ours, pythons = socket.socketpair()
+    pythons.setblocking(False)
+    signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
+    if hasattr(os, "register_at_fork"):  # or a signal to a copy of this process would end this one
+        os.register_at_fork(after_in_child=lambda: signal.set_wakeup_fd(-1))
+
+    def watch() -> None:
+        with ours, pythons:
+            while not numbers & set(told := ours.recv(64)):
+                pass
+            time.sleep(PATIENCE)
+            leave(next(number for number in told if number in numbers))
+
+    threading.Thread(target=watch, daemon=True, name="ending").start()

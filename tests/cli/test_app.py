@@ -224,7 +224,7 @@ def test_help_imports_no_command_and_no_numbers() -> None:
     assert not {"numpy", "param", "numba", "pandas", "lab.cli.run", "dashboards.serve_command"} & set(loaded)
 
 
-@pytest.mark.parametrize("name", ["lab", "lab.cli.app", "typer"])
+@pytest.mark.parametrize("name", ["typing", "lab", "lab.cli.app", "typer"])
 def test_ctrl_c_while_it_starts_ends_it_without_a_traceback(name: str) -> None:
     """The key is pressed while a module is imported."""
     program = (
