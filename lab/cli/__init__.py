@@ -1,9 +1,10 @@
 """The command line, ``ins-lab``: one file for each command; `app` collects them.
 
-Read first: `app`, `run`, `options`.
+In: the words of a command line. Out: results on standard output, everything else on standard error. An error
+that a person can correct gives one message and exit code 2. Commands import their dependencies when they run,
+so that help appears at once.
 
-Results go to standard output, everything else to standard error. An error that a person can correct gives one
-message and exit code 2. Commands import their dependencies when they run, so that help appears at once.
+Read first: `app`, `run`, `options`.
 """
 
 from __future__ import annotations
