@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lab.analysis.error_sources import rounding
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.base.parameters.units import si
 from lab.motion.frames import earth, ecef
 from lab.motion.frames.east_north_up import east_north_up
@@ -266,7 +266,7 @@ def _interpolate_motion(truth: Truth, times: FloatArray) -> FloatArray:
     C_en = ecef.axes(truth.latitude, truth.longitude)
     velocity = np.einsum("nij,nj->ni", C_en, truth.velocity_n)
     motion = np.concatenate((ecef.position(truth.position), velocity), axis=1)
-    return np.stack([np.interp(times, truth.time, part) for part in motion.T], axis=-1)
+    return interpolate_columns(times, truth.time, motion)
 
 
 def _lever_arm(run: Run, times: FloatArray, arm: FloatArray) -> FloatArray:

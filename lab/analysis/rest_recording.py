@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.allan import MIN_SAMPLES
 from lab.analysis.rest_samples import Samples, imu_samples
-from lab.base.arrays import Flags, FloatArray
+from lab.base.arrays import Flags, FloatArray, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.counted import count_noun
 from lab.data.clock.faults import set_backs
@@ -296,7 +296,7 @@ def _lost(time: FloatArray, polled: bool) -> tuple[int, int]:
         usual = float(np.median(steps[near]))
     places = np.flatnonzero(steps > (LIMITS.lost + polled) * usual)
     late = time - usual * np.arange(len(time))
-    sums = np.append(0.0, np.cumsum(late - late[0]))
+    sums = running_sums(late - late[0])
     # Compared are the stamps up to the next long step on both sides.
     before = np.maximum(places - window + 1, np.append(0, places[:-1] + 1)) if places.size else places
     after = np.minimum(places + 1 + window, np.append(places[1:] + 1, len(time))) if places.size else places

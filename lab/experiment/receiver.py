@@ -30,7 +30,7 @@ from lab.analysis.receiver_errors import (
     rounding,
     with_motion,
 )
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.base.progress import Progress
 from lab.data.formats import reader_of
@@ -237,10 +237,9 @@ def _inertial(result: LogResult, at: FloatArray) -> tuple[FloatArray, FloatArray
     dt = np.diff(time)[:, None]
     C_nb = C_nb_from_euler(result.euler[:-1])
     gained = np.einsum("nij,nj->ni", C_nb, result.accelerometer.increments) + dt * (0.0, 0.0, GRAVITY)
-    velocity = np.concatenate((np.zeros((1, 3)), np.cumsum(gained, axis=0)))
-    moved = np.concatenate((np.zeros((1, 3)), np.cumsum(dt * (velocity[1:] + velocity[:-1]) / 2, axis=0)))
-    both = (np.stack([np.interp(at, time, one) for one in values.T], axis=-1) for values in (moved, velocity))
-    return next(both), next(both)
+    velocity = running_sums(gained)
+    moved = running_sums(dt * (velocity[1:] + velocity[:-1]) / 2)
+    return interpolate_columns(at, time, moved), interpolate_columns(at, time, velocity)
 
 
 class _Axis(NamedTuple):

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.motion.frames import earth
 from lab.navigation import strapdown
 from lab.navigation.kernels.compilation import kernel
@@ -75,7 +75,7 @@ def mean_rates_at_fixes(
     window = max(WINDOW, 2 * (imu.step if step is None else step))
     middle = np.clip(times, imu.time[0], imu.time[-1])
     ends = np.clip([middle - window / 2, middle + window / 2], imu.time[0], imu.time[-1])
-    angles = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0, dtype=np.float64)))
+    angles = running_sums(imu.dtheta)
     turned = np.stack([np.diff(np.interp(ends, imu.time, angle), axis=0)[0] for angle in angles.T], axis=-1)
     length = ends[1] - ends[0]
     return np.column_stack((turned / length[:, None], length))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lab.base.aid_table import AIDS
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.base.parameters.units import si
 from lab.motion.frames.east_north_up import east_north_up
 from lab.motion.kinematics.ideal_imu import IdealImu
@@ -191,7 +191,7 @@ def _drift(experiment: ExperimentSettings, time: FloatArray) -> FloatArray:
     drift = east_north_up(gps.drift(times, errors, gps.GpsDraws.of(experiment.seed, times.size)))
     if not times.size:
         return np.zeros((time.size, 3))
-    return np.stack([np.interp(time, times, column) for column in drift.T], axis=-1)
+    return interpolate_columns(time, times, drift)
 
 
 def _constant(experiment: ExperimentSettings, name: str) -> FloatArray:

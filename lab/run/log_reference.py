@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.data.log.auxiliary_data import Comparison, Reference
 from lab.motion.frames.displacement import displacement, metres_per_radian
 from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
@@ -42,7 +42,7 @@ def interpolate_reference(reference: Reference, time: FloatArray) -> Truth | Non
     if not known.any():
         return None
     position = np.where(known[:, None], _positions(reference, time, after), np.nan)
-    velocity = np.stack([np.interp(time, rows, column) for column in reference.velocity_n.T], axis=-1)
+    velocity = interpolate_columns(time, rows, reference.velocity_n)
     q_nb, euler = _attitudes(reference, time, after)
     velocity[~known], q_nb[~known], euler[~known] = np.nan, np.nan, np.nan
     latitude, longitude, height = position.T
@@ -58,7 +58,7 @@ def _positions(reference: Reference, time: FloatArray, after: NDArray[np.intp]) 
     latitude, longitude, height = reference.position[given].T
     values = np.column_stack((latitude, np.unwrap(longitude), height))
     if np.isnan(velocity_n).any():
-        there = np.stack([np.interp(time, rows, column) for column in values.T], axis=-1)
+        there = interpolate_columns(time, rows, values)
     else:
         per_latitude, per_longitude = metres_per_radian(latitude, height)
         north, east, down = velocity_n.T

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import Flags, FloatArray
+from lab.base.arrays import Flags, FloatArray, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.counted import count_noun
 from lab.base.parameters.units import STANDARD_GRAVITY
@@ -199,16 +199,14 @@ def _drop_unusable_samples(triad: str, samples: Samples) -> Samples:
 def _blocks(samples: Samples, edges: FloatArray) -> _Blocks:
     rows = np.searchsorted(samples.time, edges)
     count = np.diff(rows)[:, None]
-    sums = np.concatenate((np.zeros((1, 3)), np.cumsum(samples.values - samples.values.mean(axis=0), axis=0)))
-    squares = np.concatenate(
-        (np.zeros((1, 3)), np.cumsum((samples.values - samples.values.mean(axis=0)) ** 2, axis=0))
-    )
+    whole = samples.values.mean(axis=0)
+    sums, squares = running_sums(samples.values - whole), running_sums((samples.values - whole) ** 2)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.diff(sums[rows], axis=0) / count
         spread = np.sqrt(np.maximum(np.diff(squares[rows], axis=0) / count - mean**2, 0.0))
     few = (count < LIMITS.fewest)[:, 0]
     mean[few], spread[few] = np.nan, np.nan
-    return _Blocks(mean + samples.values.mean(axis=0), spread)
+    return _Blocks(mean + whole, spread)
 
 
 def _find_still_blocks(rate: _Blocks, force: _Blocks) -> Flags:

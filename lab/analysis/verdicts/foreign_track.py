@@ -17,7 +17,7 @@ from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import Weighed, format_number, size_weight
 from lab.analysis.verdicts.finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_evidence import FEWEST, LONGEST_MEMORY, find_isolated, memory
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.data.log.filter_log import Track
 from lab.data.log.sensor_log import GnssLog
 from lab.motion.frames.displacement import displacement
@@ -91,13 +91,13 @@ def compare_positions(
     inside &= np.isfinite(place[:, :2]).all(axis=1)
     if inside.sum() < FEWEST:
         return None
-    own = np.column_stack([np.interp(time, track.time, column) for column in track.position.T])[inside]
+    own = interpolate_columns(time, track.time, track.position)[inside]
     apart = displacement(place[inside], own)[:, :2]
     fine = ~find_isolated(apart / max(float(np.median(np.abs(apart))), LEAST))
     there, apart = np.flatnonzero(inside)[fine], apart[fine]
     lag, late = _without_lag(apart, velocity_n[there, :2])
     size = float(np.sqrt(np.mean(np.sum(late**2, axis=1))))
-    of_track = np.column_stack([np.interp(time, track.time, column) for column in track.sigma.T])[there, :2]
+    of_track = interpolate_columns(time, track.time, track.sigma)[there, :2]
     variance = of_track**2 + sigma[there, :2] ** 2 + arm**2
     variance += (limits.VERDICT.stamp_error * np.nan_to_num(velocity_n[there, :2])) ** 2
     known = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)

@@ -15,7 +15,7 @@ from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import is_right
 from lab.analysis.verdicts.run_means import binned_sums
 from lab.analysis.verdicts.sums import Kept, Squares
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 
 BINS = 40
 """Number of parts of a flight that are tested separately."""
@@ -91,8 +91,8 @@ def stretch(squares: Squares, kind: int, *, alone: bool = False) -> Stretch | No
         reach an end of the flight, and the rest may be smaller than it should be. Otherwise what lasts to an
         end is left to causes that can be tried, of which only some begin in flight.
     """
-    total = np.append(0.0, np.cumsum(squares.total[1, kind]))
-    number = np.append(0.0, np.cumsum(squares.number[1, kind]))
+    total = running_sums(squares.total[1, kind])
+    number = running_sums(squares.number[1, kind])
     inside, count = total - total[:, None], number - number[:, None]
     outside, others = total[-1] - inside, number[-1] - count
     valid = (

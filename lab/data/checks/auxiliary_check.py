@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.aid_table import AIDS, SERIES
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.data.checks import limits
 from lab.data.checks.likeness import likeness, near_units
@@ -183,7 +183,7 @@ def _turns_between_headings(log: SensorLog, headings: Headings) -> tuple[FloatAr
     ) <= inside[-1]:
         at.append(after)
     time, heading = headings.time[at], headings.heading[at]
-    turned = np.interp(time, log.time, np.append(0.0, np.cumsum(log.dtheta[:, 2])))
+    turned = np.interp(time, log.time, running_sums(log.dtheta[:, 2]))
     turn = np.diff(turned)
     kept = (np.diff(time) < limits.LOG.longest_heading_leg) & (np.abs(turn) < limits.LOG.largest_turn)
     for start, end in log.breaks:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
 from lab.motion.kinematics.running_turns import (
@@ -143,13 +143,10 @@ def window_of(log: Arrays, start: float, margin: float = 0.0) -> Window | None:
         return None
     first, last = np.searchsorted(time, (ends[0], ends[-1]))
     part = slice(max(0, int(first) - 1), min(int(last) + 2, time.size))
-    stepped = [
-        np.diff(
-            [np.interp(ends, time[part], column) for column in _total(values[part.start : part.stop - 1]).T]
-        )
-        for values in (dtheta, dvelocity)
-    ]
-    return Window(ends, stepped[0].T, stepped[1].T, at[fixes], velocity_n[fixes], sigma[fixes])
+    turned, gained = (
+        _diff_sums(ends, time[part], values[part.start : part.stop - 1]) for values in (dtheta, dvelocity)
+    )
+    return Window(ends, turned, gained, at[fixes], velocity_n[fixes], sigma[fixes])
 
 
 def choose_liveliest(log: Arrays, count: int, margin: float = 0.0) -> list[Window]:
@@ -232,14 +229,12 @@ def match(
 def steps(time: FloatArray, increments: FloatArray, start: float, end: float) -> FloatArray:
     """Return increments (n, 3) of the IMU brought together to steps (k, 3) from a start to an end [s]."""
     ends = np.append(np.arange(start, end - 1e-9, _STEP), end)
-    return np.diff([np.interp(ends, time, column) for column in _total(increments).T]).T
+    return _diff_sums(ends, time, increments)
 
 
-def _total(values: FloatArray) -> FloatArray:
-    """Return the sums (k + 1, ...) of values (k, ...) until each, from that of none on."""
-    made = np.zeros((len(values) + 1, *values.shape[1:]))
-    np.cumsum(values, axis=0, out=made[1:])
-    return made
+def _diff_sums(ends: FloatArray, time: FloatArray, increments: FloatArray) -> FloatArray:
+    """Return what increments between some times add up to between others."""
+    return np.diff([np.interp(ends, time, column) for column in running_sums(increments).T]).T
 
 
 def _starting_rotations(window: Window, bias: FloatArray) -> list[Rotation]:
@@ -333,7 +328,7 @@ def _model(
     force = (C @ (window.dvelocity - bias[3:] * dt)[:, :, None])[:, :, 0]
     cross = _cross(force)
     C_dt = C * dt[:, :, None]
-    swing = _total(C_dt)  # ∫ C dt
+    swing = running_sums(C_dt)  # ∫ C dt
     columns = np.concatenate(
         (
             force + _G * dt,
@@ -346,7 +341,7 @@ def _model(
     at = window.at + lag
     place = np.clip(np.searchsorted(window.time, at, side="right") - 1, 0, len(dt) - 1)
     part = ((at - window.time[place]) / dt[place, 0])[:, None]
-    here = _total(columns)[place] + part * columns[place]
+    here = running_sums(columns)[place] + part * columns[place]
     by_rotation = -here[:, 3:12].reshape(-1, 3, 3)
     by_gyro = here[:, 12:].reshape(-1, 3, 3)
     by_force = -(swing[place] + part[:, :, None] * C_dt[place])

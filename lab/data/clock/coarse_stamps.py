@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lab.base.arrays import FloatArray, IntArray
+from lab.base.arrays import FloatArray, IntArray, running_sums
 from lab.data.clock.limits import LIMITS
 
 
@@ -94,7 +94,7 @@ def smooth(time: FloatArray) -> FloatArray:
     count = last - first
 
     def mean(values: FloatArray) -> FloatArray:
-        sums = np.append(0.0, np.cumsum(values))
+        sums = running_sums(values)
         return np.asarray((sums[last] - sums[first]) / count)
 
     # A line through the rows around each, since there are fewer on one side at the ends.

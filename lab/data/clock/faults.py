@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lab.base.arrays import Flags, FloatArray, IntArray
+from lab.base.arrays import Flags, FloatArray, IntArray, interpolate_columns
 from lab.data.clock.limits import LIMITS
 
 
@@ -62,7 +62,7 @@ def filled(
         np.linspace(time[i], time[i + 1], round((time[i + 1] - time[i]) / usual[i]) + 1)[1:-1] for i in gaps
     ]
     times = np.sort(np.concatenate((time, *inner)))
-    return times, np.stack([np.interp(times, time, column) for column in values.T], axis=-1)
+    return times, interpolate_columns(times, time, values)
 
 
 class UsualInterval:

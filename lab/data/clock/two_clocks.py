@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.data.clock.limits import LIMITS
 from lab.motion.frames.displacement import velocity_of_positions
 
@@ -83,7 +83,7 @@ def clock_rate(
         return None
     lively = np.flatnonzero(np.abs(turn) > np.std(turn))
     start, end, turn = start[lively[0] :], end[lively[0] :], turn[lively[0] :]
-    angle = np.concatenate((np.zeros((1, 3)), np.cumsum(dtheta, axis=0)))
+    angle = running_sums(dtheta)
     legs = _Legs(time, angle, start, end, turn)
     span = float(end[-1] - start[0])
     known = min(LIMITS.begin, span)

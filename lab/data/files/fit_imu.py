@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.base.files.mission_error import MissionError
 from lab.data.files.fit import NAME, Points, messages, time_of
 
@@ -154,7 +154,7 @@ def _interpolate_values(time: FloatArray, own: FloatArray, values: FloatArray) -
     """Return values (n, 3) at other times, NaN in gaps."""
     if len(own) < 2:
         return np.full((len(time), 3), np.nan)
-    found = np.column_stack([np.interp(time, own, column, np.nan, np.nan) for column in values.T])
+    found = interpolate_columns(time, own, values, np.nan)
     steps = np.diff(own)
     after = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
     found[(steps[after - 1] > _MOST_STEPS * np.median(steps)) & (own[after] != time)] = np.nan

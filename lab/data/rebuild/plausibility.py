@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from lab.base.arrays import Flags, FloatArray
+from lab.base.arrays import Flags, FloatArray, running_sums
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
 from lab.data.checks.attitude_check import (
@@ -128,7 +128,7 @@ def _rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Li
     euler = euler_at(rebuilt.recording, raw.time)
     derived = body_rates(raw.time, euler, stride) * (raw.time[stride:] - raw.time[:-stride])[:, None]
     steps = np.diff(raw.time)[:, None] * (raw.body_rate[1:] + raw.body_rate[:-1]) / 2
-    turned = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
+    turned = running_sums(steps)
     recorded = turned[stride:] - turned[:-stride]
     return tuple(likeness(recorded[:, axis], derived[:, axis], centred=False) for axis in range(3))
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.base.files.bounds import MIN_SAMPLES
 from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
@@ -155,13 +155,9 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
     force = np.column_stack([imu.values[key][increases] for key in ("force_x", "force_y", "force_z")])
     return replace(
         _with_attitude(flight, imu_time, rate, force),
-        body_rate=_interpolate_vectors(flight.time, imu_time, rate) if rate.any() else None,
+        body_rate=interpolate_columns(flight.time, imu_time, rate) if rate.any() else None,
         units=(*flight.units, *imu.units.values()),
     )
-
-
-def _interpolate_vectors(times: FloatArray, time: FloatArray, vectors: FloatArray) -> FloatArray:
-    return np.column_stack([np.interp(times, time, column) for column in vectors.T])
 
 
 def _with_attitude(flight: RawFlight, imu_time: FloatArray, rate: FloatArray, force: FloatArray) -> RawFlight:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns, running_sums
 from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
 from lab.data.clock.faults import increasing
 from lab.data.files.unit_names import UNITS
@@ -284,13 +284,13 @@ def _motion(time: FloatArray, position: FloatArray, velocity: FloatArray) -> _Mo
     metres = np.column_stack(metres_per_radian(place[:, 0], 0.0))
     moved = np.column_stack((place[:, 0], np.unwrap(place[:, 1])))
     moved = (moved - moved[0]) * metres[0]
-    here = np.column_stack([np.interp(even, t, one) for one in moved.T])
+    here = interpolate_columns(even, t, moved)
     fast = np.gradient(here, step, axis=0)
     bent = np.zeros_like(here)
     # Second differences; the gradient of a gradient would smooth over four steps.
     bent[1:-1] = (here[2:] - 2 * here[1:-1] + here[:-2]) / step**2
     if np.isfinite(velocity[kept][:, :2]).all():
-        fast = np.column_stack([np.interp(even, t, one) for one in velocity[kept][:, :2].T])
+        fast = interpolate_columns(even, t, velocity[kept][:, :2])
         bent = np.gradient(fast, step, axis=0)
     return _Motion(even, fast, bent)
 
@@ -375,8 +375,7 @@ def make_reference(
     turn = Rotation.from_euler("ZYX", np.nan_to_num(euler[:, ::-1]))
     # Turns between the even times in body axes, as gyros measure them.
     said = (turn[:-1].inv() * turn[1:]).as_rotvec()[both]
-    whole = np.vstack((np.zeros(3), np.cumsum(log.dtheta, axis=0)))
-    seen = np.diff(np.column_stack([np.interp(at, log.time, one) for one in whole.T]), axis=0)[both]
+    seen = np.diff(interpolate_columns(at, log.time, running_sums(log.dtheta)), axis=0)[both]
     said, seen = said - said.mean(axis=0), seen - seen.mean(axis=0)
     size = np.sqrt(np.sum(said**2) * np.sum(seen**2))
     like = float(np.sum(said * seen) / size) if size else 0.0

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.files.streams import Stream
 from lab.data.files.unit_names import UNITS
@@ -128,7 +128,7 @@ def _is_of_the_earth(
     time: FloatArray, field: FloatArray, log: SensorLog, earth: FloatArray
 ) -> NDArray[np.bool_]:
     """Return in which readings (n, 3) in b [µT] the field is that of the Earth."""
-    force = np.column_stack([np.interp(time, log.time[1:], column) for column in log.rates[1].T])
+    force = interpolate_columns(time, log.time[1:], log.rates[1])
     number = np.unique(np.floor(time / _BLOCK), return_inverse=True)[1]
     count = np.bincount(number)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import ComplexArray, FloatArray
+from lab.base.arrays import ComplexArray, FloatArray, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE
 from lab.data.checks import estimator_resets
@@ -338,7 +338,7 @@ def _of_heights(
     t, v, h = time[known], said[known], height[known]
     if len(t) < _MIN_LEGS or t[-1] - t[0] < _MIN_LEGS * _LEG or not (np.diff(t) > 0).all():
         return vertical, []
-    way = np.append(0.0, np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2))
+    way = running_sums(np.diff(t) * (v[1:] + v[:-1]) / 2)
     begin = t[0] + _LEG / 2 * np.arange(min((t[-1] - t[0] - _LEG) / (_LEG / 2), _MAX_LEGS))
     rise, stated = (np.interp(begin + _LEG, t, one) - np.interp(begin, t, one) for one in (h, way))
     size = np.sqrt(np.sum(rise**2) * np.sum(stated**2))
@@ -494,7 +494,7 @@ def find_resets(fixes: Fixes) -> tuple[tuple[Reset, ...], list[str]]:
         rows = fixes.rows[known]
         changes = np.sum([np.abs(np.diff(np.nan_to_num(one[rows]))) for _, one in counters], axis=0)
         time, jumping = fixes.gnss.time[known], values[quantity][known]
-        for at in estimator_resets.resets(kind, time, jumping, np.append(0.0, np.cumsum(changes))):
+        for at in estimator_resets.resets(kind, time, jumping, running_sums(changes)):
             step = estimator_resets.reported_step(kind, jumping, int(at))
             found.append(Reset(float(time[at]), step))
     return tuple(sorted(found, key=lambda one: one.time)), names

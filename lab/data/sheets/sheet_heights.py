@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks.log_check import find_windows
@@ -213,7 +213,7 @@ def _changes(log: SensorLog, window: Window) -> tuple[FloatArray, FloatArray] | 
     attitude = found.C_nb * running_attitudes(window.dtheta - found.gyro_bias * dt[:, None])[:-1]
     # Upwards: minus down, less what only carries the weight.
     velocity = np.cumsum(-attitude.apply(window.dvelocity)[:, 2] - STANDARD_GRAVITY * dt)
-    risen = np.append(0.0, np.cumsum(velocity * dt))
+    risen = running_sums(velocity * dt)
     since = time[inside] - window.time[0]
     both = np.column_stack((np.interp(time[inside], window.time, risen), height[inside]))
     # A wrong start, a wrong vertical speed and a bias of the accelerometer make a parabola.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import DEGREE, STANDARD_GRAVITY
 from lab.data.clock.coarse_stamps import smooth
@@ -441,7 +441,7 @@ def _interpolate_values(time: FloatArray, values: FloatArray, at: FloatArray) ->
         return np.full((len(at), 3), np.nan)
     after = np.clip(np.searchsorted(time, at), 1, time.size - 1)
     step = np.diff(time)
-    result = np.column_stack([np.interp(at, time, column, left=np.nan, right=np.nan) for column in values.T])
+    result = interpolate_columns(at, time, values, np.nan)
     usual = float(np.median(step))
     result[step[after - 1] > _MAX_APART * usual] = np.nan
     return result

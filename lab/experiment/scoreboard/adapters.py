@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.base.files.file_content import TextBlocks, read_whole
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES
@@ -268,7 +268,7 @@ def comma2k19(folder: Path, about: DataSet) -> SensorLog:
     logged, pose = folder / "processed_log", folder / "global_pose"
     times, rates = _pair(logged / "IMU" / "gyro_uncalibrated", 3)
     when, forces = _pair(logged / "IMU" / "accelerometer", 3)
-    forces = np.column_stack([np.interp(times, when, column) for column in forces.T])
+    forces = interpolate_columns(times, when, forces)
     within = (times >= when[0]) & (times <= when[-1])
     stamps, values = _pair(logged / "GNSS" / "live_gnss_ublox", 6)
     course, speed = np.radians(values[:, 5]), values[:, 2]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.base.arrays import Flags, FloatArray
+from lab.base.arrays import Flags, FloatArray, interpolate_columns, running_sums
 from lab.motion.frames import ecef
 from lab.motion.frames.rotation import euler_from_quaternion
 from lab.navigation.log_navigation import UNKNOWN
@@ -132,7 +132,7 @@ class Navigated(NamedTuple):
         C_en = ecef.axes(self.position[:, 0], self.position[:, 1])
         C_nb = Rotation.from_quat(self.q_nb, scalar_first=True).as_matrix()
         r_e = r_e + np.einsum("nij,njk,k->ni", C_en, C_nb, lever_arm)
-        return ecef.geodetic(np.column_stack([np.interp(at, time, column) for column in r_e.T]))
+        return ecef.geodetic(interpolate_columns(at, time, r_e))
 
 
 def installed(program: str) -> str:
@@ -288,12 +288,12 @@ def _split(
     """Return increments that also end at each fix, without a bias, and the fix at the end of some."""
     time = np.union1d(imu.time, fixes)
     time = time[np.append(True, np.diff(time) > _ROUNDING)]
-    parts = []
-    for values in (imu.dtheta - gyro_bias * np.diff(imu.time)[:, None], imu.dvelocity):
-        summed = np.vstack((np.zeros(3), np.cumsum(values, axis=0)))
-        parts.append(np.diff(np.column_stack([np.interp(time, imu.time, one) for one in summed.T]), axis=0))
+    dtheta, dvelocity = (
+        np.diff(interpolate_columns(time, imu.time, running_sums(values)), axis=0)
+        for values in (imu.dtheta - gyro_bias * np.diff(imu.time)[:, None], imu.dvelocity)
+    )
     ends = np.searchsorted(time, fixes - _ROUNDING)
-    return time, parts[0], parts[1], {int(end): row for row, end in enumerate(ends) if end}
+    return time, dtheta, dvelocity, {int(end): row for row, end in enumerate(ends) if end}
 
 
 OPPONENTS: dict[str, Callable[[Given, Flags], Callable[[], Navigated]]] = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 from lab.motion.frames.displacement import metres_per_radian
@@ -104,7 +104,7 @@ def _path_ratio(
         return _path_ratio_near_pole(time, latitude, longitude, velocity)
     legs = np.unique(np.linspace(0, len(time) - 1, min(len(time), _LEGS + 1)).astype(int))
     steps = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2
-    travelled = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])[legs]
+    travelled = running_sums(steps)[legs]
     by_velocity = np.diff(travelled, axis=0)
     middle = (latitude[legs][1:] + latitude[legs][:-1]) / 2
     per_latitude, per_longitude = metres_per_radian(middle, 0.0)
@@ -123,7 +123,7 @@ def _path_ratio_near_pole(
     velocity_e = np.einsum("nij,nj->ni", axes(latitude, longitude), level)
     steps = np.diff(time)[:, None] * (velocity_e[1:] + velocity_e[:-1]) / 2
     legs = np.unique(np.linspace(0, len(time) - 1, min(len(time), _LEGS + 1)).astype(int))
-    travelled = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])[legs]
+    travelled = running_sums(steps)[legs]
     return _likeness(np.diff(travelled, axis=0), np.diff(position(place)[legs], axis=0))
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, interpolate_columns
 from lab.motion.frames.rotation import wrap
 from lab.motion.truth.trajectory import Truth
 
@@ -105,9 +105,7 @@ class GrowingTruth:
 
 def interpolate_motion(time: FloatArray, known: FloatArray, columns: FloatArray) -> Kinematics:
     """Return the motion at times (n,), linear between known ones (m,), of columns (m, 9) without jumps."""
-    found = np.stack(
-        [np.interp(time, known, column, np.nan, np.nan) for column in columns.T], axis=-1
-    ).reshape(len(time), columns.shape[1])
+    found = interpolate_columns(time, known, columns, np.nan)
     position, velocity_n, euler = found[:, :3], found[:, 3:6], np.asarray(wrap(found[:, 6:]))
     position[:, 1] = wrap(position[:, 1])
     return Kinematics(position, velocity_n, euler)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.motion.frames import earth
 from lab.motion.frames.displacement import displaced
 from lab.motion.frames.rotation import quaternion_from_euler, wrap
@@ -253,7 +253,7 @@ def _rest_force_sigma(imu: Imu, rest: float, assumed: Belief) -> float:
     """
     density = float(assumed.noise[3:6].max())
     ends = imu.time[0] + _SECOND * np.arange(int(rest / _SECOND) + 1)
-    total = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dvelocity, axis=0)))
+    total = running_sums(imu.dvelocity)
     means = np.diff([np.interp(ends, imu.time, column) for column in total.T], axis=1) / _SECOND
     # The mean of a second has the variance density / second by white noise alone.
     beyond = max(0.0, float(means.var(axis=1, ddof=1).max()) - density / _SECOND)
@@ -344,7 +344,7 @@ def _straight_gyro_bias(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> t
     whole record.
     """
     ends = np.arange(imu.time[0], imu.time[-1], _SECOND)
-    angle = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
+    angle = running_sums(imu.dtheta)
     rates = np.diff([np.interp(ends, imu.time, column) for column in angle.T], axis=1).T / _SECOND
     fast = shows_course(fixes, velocity_sigma)
     if fast.sum() >= 2:
