@@ -34,7 +34,10 @@ def compare(
     models: Annotated[
         str | None, option("--models", "NAME,...", "Error models, separated by commas; all by default.")
     ] = None,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="Runs with each model.")] = 1,
+    seeds: Annotated[
+        int,
+        typer.Option("--seeds", min=1, max=options.MOST_RUNS, metavar="N", help="Runs with each model."),
+    ] = 1,
     config: options.Config = None,
     card: options.Card = None,
     assumed: options.Assumed = True,

@@ -99,6 +99,7 @@ def test_the_version_is_the_one_installed() -> None:
         (["compare", "montreal", "--models", "phi,psy"], ["navigator.model", "'psy'", "one of phi"]),
         (["compare", "montreal", "--models", ""], ["navigator.model", "one of phi"]),
         (["compare", "montreal", "--seeds", "0"], ["--seeds"]),
+        (["compare", "los_angeles", "--seeds", "9" * 20], ["--seeds", "less than or equal to"]),
         (["compare", "montreal", "--seeds", "x"], ["--seeds", "integer"]),
         (["compare", "montreal", "--set", "navigator.r=[1, 1, 1, 0, 1, 1]"], ["navigator.r", "singular"]),
         (["fly", "montrael"], ["Did you mean montreal?"]),
