@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,8 @@ def test_a_raw_recording_becomes_a_log_of_its_name(flight: SimulatedFlight, tmp_
     writer.close()
     answer = ask("import", str(path), "--as", "log")
     assert answer.stdout.splitlines()[-1] == "Added: drive. Navigate it: ins-lab run drive"
+    facts = json.loads(ask("import", str(path), "--as", "log", "--vehicle", "car", "--json").stdout)
+    assert (facts["added"], facts["vehicle"]) == ("drive_2", "car")
 
 
 def test_a_damaged_recording_is_refused_with_its_place(tmp_path: Path) -> None:

@@ -65,13 +65,18 @@ def test_a_clock_that_is_set_is_one_event_with_its_size(device: str, step: float
     assert (reception.loss.missing, reception.loss.backwards, reception.loss.jumps) == (0, 0, 1)
 
 
-@pytest.mark.parametrize("device", ["vectornav", "mip", "mavlink"])
-def test_a_counter_of_32_bits_that_turns_over_is_called_so(device: str) -> None:
-    turn = 2**32 * 1e-6
+@pytest.mark.parametrize(
+    ("device", "turn", "words"),
+    [
+        *((device, 2**32 * 1e-6, "32 bits of microseconds") for device in ("vectornav", "mip", "mavlink")),
+        *(("vectornav", 2**bits * 1e-3, f"{bits} bits of milliseconds") for bits in (16, 24, 32)),
+    ],
+)
+def test_a_counter_that_turns_over_is_called_so(device: str, turn: float, words: str) -> None:
     reception, imu = received(device, stream(device, (TRUE - BEGIN - 3.0) % turn))
     (event,) = reception.imu.watch.events
     assert "turned over" in event.text
-    assert "32 bits of microseconds" in event.text
+    assert words in event.text
     assert len(imu) == COUNT
 
 
