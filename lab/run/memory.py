@@ -25,7 +25,7 @@ BESIDE = 202
 space; measured on four hours at 200 Hz."""
 DRIFT = 48
 """Memory per sample for each triad with a varying bias [bytes]."""
-ARM = 49
+ARM = 33
 """Memory per sample for the angular rates about each fix, needed with a lever arm [bytes]; measured, see
 `lab.navigation.lever_arm.mean_rates_at_fixes`."""
 ALWAYS = 256 * 2**20
