@@ -40,7 +40,8 @@ function heading(view) {
 const ruler = document.createElement("canvas").getContext("2d")
 function lines_of(words, room) {
   const [name, ...others] = words.split(BETWEEN), [first, ...rest] = name.split(/ (?!\[)/)
-  const pieces = [...rest.map((word) => [" ", word]), ...others.length ? [[BETWEEN, others.join(BETWEEN)]] : []]
+  const end = others.join(BETWEEN), said = ruler.measureText(end).width > room ? others : [end].filter(Boolean)
+  const pieces = [...rest.map((word) => [" ", word]), ...said.map((one) => [BETWEEN, one])]
   const add = ([done, line], [joint, piece]) =>
     ruler.measureText(line + joint + piece).width > room ? [`${done}${line}\n`, piece] : [done, line + joint + piece]
   return pieces.reduce(add, ["", first]).join("")
