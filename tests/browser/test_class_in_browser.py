@@ -59,7 +59,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         wait_for(phone, DRAWN)
         bar(phone, "You follow your teacher.")
         bar(teacher, "follow")
-        _what_the_teacher_changes_flashes_and_is_named(teacher, phone)
+        _check_that_a_change_flashes_and_is_named(teacher, phone)
         show(teacher, "Flight")
         teacher.evaluate(f"{TIME} = 42")
         wait_for(phone, f"{TIME} === 42")
@@ -85,7 +85,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
     assert complaints == []
 
 
-def _what_the_teacher_changes_flashes_and_is_named(teacher: Page, phone: Page) -> None:
+def _check_that_a_change_flashes_and_is_named(teacher: Page, phone: Page) -> None:
     noise = teacher.get_by_role("textbox", name="White noise [°/s/√Hz]")
     noise.fill("0.2")
     noise.press("Enter")

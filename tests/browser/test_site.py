@@ -9,7 +9,6 @@ import importlib.util
 import inspect
 import json
 import os
-import pickle
 import re
 import subprocess
 import sys
@@ -237,7 +236,9 @@ pd.DataFrame({"wide": [1.5]})
 """
 ORPHAN = "---\norphan: true\n---\n\n"
 CONF = f"""\
+import json
 import sys
+from pathlib import Path
 
 sys.path.insert(0, {str(SITE)!r})
 extensions = ["myst_parser", "executed", "mathml", "percent", "settings_list", "source_links"]
@@ -250,6 +251,15 @@ html_math_renderer = "mathml"
 html_theme, html_title = "pydata_sphinx_theme", "Short"
 html_static_path = [{str(SITE / "static")!r}]
 html_css_files, html_js_files = ["site.css"], ["site.js"]
+
+
+def write_watched(app, _problem):
+    watched = {{page: list(map(str, files)) for page, files in app.env.dependencies.items()}}
+    (Path(app.outdir) / "watched.json").write_text(json.dumps(watched), "utf-8")
+
+
+def setup(app):
+    app.connect("build-finished", write_watched)
 """
 
 
@@ -297,13 +307,13 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_page_is_made_anew_when_what_it_shows_changes(short: Path) -> None:
     """Code and cards that a notebook used, sources of links, and declarations of settings."""
     folder = short.parents[1]
-    environment = pickle.loads((folder / ".doctrees/environment.pickle").read_bytes())
+    watched = json.loads((folder / "watched.json").read_text("utf-8"))
     for name, files in {
         "notebooks/short": ("motion/frames/earth.py", "sensors/cards.toml"),
         "places": ("navigation/strapdown.py",),
         "settings": ("sensors/readings.py", "sensors/airspeed.py", "base/aid_table.py"),
     }.items():
-        known = {(folder.parent / file).resolve() for file in environment.dependencies[name]}
+        known = {(folder.parent / file).resolve() for file in watched[name]}
         assert known >= {ROOT / "lab" / file for file in files}, name
     text = (folder / "settings.html").read_text("utf-8")
     assert [text.count(f">sensors.{aid.name}.fitted</span>") for aid in AIDS] == [1] * len(AIDS)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.data.checks import limits
 from lab.data.checks.imu_axes import AS_IT_IS, GYROS_REVERSED, NAMES, SAME, ImuAxes, mark_down_axis, others
@@ -139,7 +139,7 @@ def _stretches(log: SensorLog) -> Iterator[_Stretch]:
 
 def _turn_residual(log: SensorLog, stretches: Sequence[_Stretch], axis: FloatArray) -> float:
     """Return the rms of the course minus the angle turned about an axis, without its drift [rad]."""
-    total = np.concatenate(([0.0], np.cumsum(log.dtheta @ axis)))
+    total = running_sums(log.dtheta @ axis)
     left = []
     for one in stretches:
         apart = np.unwrap(one.course - np.interp(one.time, log.time, total))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.base.files.mission_error import MissionError
 from lab.base.parameters.units import LEAP_SECONDS, STANDARD_GRAVITY
 from lab.data.checks import limits
@@ -466,7 +466,7 @@ def largest_correlation(
     if lags is None:
         largest, step = limits.LOG.largest_lag, limits.LOG.lag_step
         lags = np.arange(-largest, largest + step / 2, step)
-    total = np.concatenate(([0.0], np.cumsum(increments)))
+    total = running_sums(increments)
     rows = np.isfinite(seen)
     start, end = motion.start[rows], motion.end[rows]
     until_end, until_start = (np.interp(at + lags[:, None], log.time, total) for at in (end, start))

@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lab.base.arrays import FloatArray, IntArray
+from lab.base.arrays import FloatArray, IntArray, running_sums
 from lab.base.parameters.units import DAY
 from lab.data.clock.faults import increasing
 from lab.data.files.dataflash_file import Log
@@ -128,7 +128,7 @@ class MessageTimes:
 
 def _average_neighbours(values: FloatArray, reach: int) -> FloatArray:
     """Return the means over as many neighbours on both sides, at most `reach`."""
-    total = np.concatenate(([0.0], np.cumsum(values)))
+    total = running_sums(values)
     place = np.arange(len(values))
     both = np.minimum(np.minimum(place, place[::-1]), reach)
     return np.asarray((total[place + both + 1] - total[place - both]) / (2 * both + 1))

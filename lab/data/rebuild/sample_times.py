@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.data.rebuild.raw_flight import JUDGED_SAMPLES
 from lab.data.rebuild.smoothing import WIDEST_STEPS, smoothing_spline
 
@@ -132,7 +132,7 @@ def _counts(time: FloatArray, tick: float) -> FloatArray | None:
     for _ in range(_ROUNDS):
         if not step > 0:
             return None
-        count = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(steps / step), 1))))
+        count = running_sums(np.maximum(np.round(steps / step), 1))
         # Steps rounded one by one may drift; the whole may not.
         if abs(count[-1] * step - (time[-1] - time[0])) > max(_MAX_DRIFT * count[-1], 2) * step:
             return None

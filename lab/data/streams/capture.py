@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.base.arrays import FloatArray
+from lab.base.arrays import FloatArray, running_sums
 from lab.data.clock.faults import usual_step
 from lab.data.clock.limits import LIMITS
 from lab.data.protocols.catalogue import DECODERS, make_decoder
@@ -235,7 +235,7 @@ def _arrivals(
     times, ends = times[order], ends[order]
     steps = np.diff(times)
     steps[(steps < 0) | (steps > LIMITS.forward)] = usual_step(times)  # the clock was set
-    since = np.concatenate(([0.0], np.cumsum(steps)))
+    since = running_sums(steps)
     last = np.append(np.diff(np.floor(since / _PIECE)) > 0, True)
     return ends[last], since[last]
 

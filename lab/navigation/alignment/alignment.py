@@ -101,32 +101,7 @@ class Alignment(NamedTuple):
                 "navigator.initial_heading sets it."
             )
         heading = f"heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°."
-        return " ".join(
-            (f"{levelled}; {heading}", *_describe_lateness(self.heading), *_describe_axes(self.heading))
-        )
-
-
-def _describe_lateness(found: Found) -> tuple[str, ...]:
-    """Return a sentence about the clock of the fixes, if the heading was found with a lateness."""
-    late, sigma = found.late, found.late_sigma
-    if not abs(late) > max(limits.ALIGNMENT.reported_latency, limits.ALIGNMENT.latency_sigmas * sigma):
-        return ()
-    return (
-        f"The same motion shows that the fixes are {abs(late):.2f} s {'late' if late > 0 else 'early'} "
-        f"(σ {sigma:.2f} s); set latency_s of the log accordingly.",
-    )
-
-
-def _describe_axes(found: Found) -> tuple[str, ...]:
-    """Return a sentence about the axes of the IMU, if the course contradicts the heading."""
-    apart = np.degrees(found.course_apart)
-    if not np.isfinite(apart):
-        return ()
-    return (
-        f"The axis that was assumed to point forward is {apart:.0f}° from the course. If the vehicle moves "
-        f"where its nose points, the IMU is mounted at this angle: mounting_deg = [0, 0, {apart:.0f}] in "
-        "log.toml corrects the axes, or --axes of the import.",
-    )
+        return " ".join((f"{levelled}; {heading}", *self.heading.remarks))
 
 
 EXACT = Belief(P0=np.zeros((15, 15)), R=np.eye(6), noise=np.zeros(12), decay=np.zeros(6))
@@ -451,7 +426,7 @@ def _acceleration(
 def _heading_turn(imu: Imu, bias: FloatArray) -> FloatArray:
     """Return the angle (n + 1,) by which a nearly level IMU has rotated about the vertical [rad]."""
     turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ _vertical_in_body(imu)
-    return np.concatenate(([0.0], np.cumsum(turned)))
+    return running_sums(turned)
 
 
 def _heading(

@@ -136,6 +136,25 @@ class Found(NamedTuple):
         """Whether the heading is the course."""
         return self.source.startswith(_COURSE)
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on the clock of the fixes, and on axes of the IMU that the course contradicts."""
+        remarks, late, apart = [], self.late, np.degrees(self.course_apart)
+        known = max(limits.ALIGNMENT.reported_latency, limits.ALIGNMENT.latency_sigmas * self.late_sigma)
+        if abs(late) > known:
+            remarks.append(
+                f"The same motion shows that the fixes are {abs(late):.2f} s "
+                f"{'late' if late > 0 else 'early'} (σ {self.late_sigma:.2f} s); set latency_s of the log "
+                "accordingly."
+            )
+        if np.isfinite(apart):
+            remarks.append(
+                f"The axis that was assumed to point forward is {apart:.0f}° from the course. If the vehicle "
+                "moves where its nose points, the IMU is mounted at this angle: mounting_deg = "
+                f"[0, 0, {apart:.0f}] in log.toml corrects the axes, or --axes of the import."
+            )
+        return tuple(remarks)
+
 
 UNKNOWN = Found(0.0, np.pi, "", np.nan)
 """An unknown heading."""
