@@ -11,6 +11,7 @@ from bokeh.models.callbacks import CustomJS
 from dashboards.page_tabs import TABS
 from dashboards.pages.base import NARROW
 from dashboards.upload import SAME_FILE_AGAIN
+from dashboards.verdict_chip import LOOK
 from dashboards.widgets import SETTING
 
 PAPER = 1040
@@ -200,6 +201,10 @@ const age = (is_old) => {{
   const shown = Bokeh.index.query((view) => view.model === chip);
   for (const {{el}} of shown) el.toggleAttribute("data-old", is_old);
 }};
+const is_drawn = () => Bokeh.index.query((view) => view.model === chip).every(({{shadow_el}}) => {{
+  const button = shadow_el.querySelector("button");
+  return !button || getComputedStyle(button).getPropertyValue("{LOOK}") === chip.data.sx["{LOOK}"];
+}});
 let sent = 0, repeats = false;
 bokeh.on_change(({{model, attr, value, sync, msg_data}}) => {{
   const part = msg_data?.origin ?? (["value", "asked"].includes(attr) ? model : null);
@@ -220,8 +225,12 @@ bokeh.on_change(({{model, attr, value, sync, msg_data}}) => {{
 }});
 bar.properties.answered.change.connect(() => {{
   if (bar.answered !== sent) return;
-  const settle = () => {{ if (bar.answered === sent) age(false) }};  // once the chip is painted anew
-  requestAnimationFrame(() => requestAnimationFrame(settle));
+  const settle = () => {{
+    if (bar.answered !== sent) return;
+    if (is_drawn()) age(false);
+    else requestAnimationFrame(settle);
+  }};
+  settle();
   repeats = true;
   for (const {{change: [, , value], part, crossed}} of [...unheard.values()]) {{
     if (crossed) part.setv("value_input" in part.attributes ? {{value, value_input: value}} : {{value}});
@@ -236,6 +245,9 @@ bar.properties.shown.change.connect(() => {{
 
 That is a setting, a button that changes some, and a step in the history. What the server has not written into
 the address yet is noted, for the page that comes back after a cut connection.
+
+A component is drawn some time after it has changed: on a busy machine, several frames later. The chip is grey
+until it has the look that the server gave it.
 
 The server answers in the order in which it is asked. What it says of a field before it has heard what was
 entered there meanwhile is older, and would stay in the field: what was entered is put there again, once.

@@ -56,6 +56,8 @@ _DRESS: dict[bool | None, dict[str, str]] = {
     None: _GREY,
 }
 """Colours of a consistent filter, one with findings, and no verdict; the text says it as well."""
+LOOK = "--verdict-look"
+"""Property of the drawn chip that says which of these colours it has."""
 _STRUCK = {"opacity": "0.75", "textDecoration": "line-through"}
 _OLD = """
 :host([data-old]) button { background-color: transparent !important; color: #ffffff !important;
@@ -197,6 +199,7 @@ class VerdictChip:
     def _dress(self, *, struck: bool) -> None:
         consistent = None if self._verdict is None else self._verdict.consistent
         sx = _CHIP | (_GREY | _STRUCK if struck else _DRESS[consistent])
+        sx[LOOK] = "struck" if struck else str(consistent)
         sx |= {"&:hover": {"backgroundColor": sx["backgroundColor"], "filter": "brightness(1.12)"}}
         if self._chip.sx != sx:
             self._chip.sx = sx

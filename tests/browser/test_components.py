@@ -87,6 +87,16 @@ NO_ANSWER = """
 }
 """
 """Keeps all that the server says back until `answer` is called."""
+SLOW_TO_DRAW = """
+() => {
+  const {postMessage} = MessagePort.prototype;
+  MessagePort.prototype.postMessage = function (...message) {
+    setTimeout(() => postMessage.call(this, ...message), 200);
+  };
+  window.draw_at_once = () => { MessagePort.prototype.postMessage = postMessage; };
+}
+"""
+"""Components are drawn 200 ms after they have changed as on a busy machine until `draw_at_once` is called."""
 GREY = "rgba(0, 0, 0, 0)"
 COLOUR = "(button) => getComputedStyle(button).backgroundColor"
 SEEN = """(button) => {
@@ -111,6 +121,7 @@ def test_no_verdict_is_green_while_the_server_has_not_answered(
     eventually(page, lambda: chip.evaluate(COLOUR) != GREY)  # the one of a test before may be struck out
     green = chip.evaluate(COLOUR)
     page.evaluate(NO_ANSWER)
+    page.evaluate(SLOW_TO_DRAW)
     box = page.get_by_role("textbox", name="Q scale").first
     box.fill(typed)
     box.press("Enter")
@@ -121,6 +132,7 @@ def test_no_verdict_is_green_while_the_server_has_not_answered(
     page.evaluate("answer()")
     expect(chip).to_have_text("● Q 9.9 × too small" if is_accepted else "● Consistent")
     assert not is_accepted or f"{green} ● Consistent" not in page.evaluate("[...seen]")
+    page.evaluate("draw_at_once()")
     eventually(page, lambda: (chip.evaluate(COLOUR) == green) != is_accepted)
     assert "line-through" not in chip.evaluate("(button) => getComputedStyle(button).textDecoration")
 
