@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib.util
 import os
 import socket
 import sys
@@ -154,16 +155,19 @@ def serve(
     ] = True,
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
-    print("ins-lab: starting …", file=sys.stderr, flush=True)
+    first = "" if _has_run() else " for the first time, which takes ten seconds or more"
+    print(f"ins-lab: starting{first} …", file=sys.stderr, flush=True)
     _check_folder("--lessons", lessons, "lessons as .toml files")
     _check_folder("--homework", homework, "the keys of homework as .key files")
     _check_processes(processes)
     _check_proxies(proxy or ())
     algorithms(own)  # a failure to load is reported now, not to visitors
-    _take_live_algorithms(live or ())
+    if live:
+        _take_live_algorithms(live)
     password = None if password_file is None else read_password(password_file)
-    _check_origins(address, port, origin or ())
-    _allow_devices(devices or ())
+    if origin:
+        _check_origins(address, port, origin)
+    _allow_devices(devices or ())  # also none: those of the environment are for `panel serve`
     show = not no_browser and _has_screen()
     what: dict[str, Any] = {
         "port": port,
@@ -317,10 +321,23 @@ def _check_port(address: str, port: int) -> None:
     except OSError as error:
         if error.errno == errno.EADDRNOTAVAIL:
             raise CommandError(_NO_ADDRESS.format(address)) from error
-        reason = (error.strerror or str(error)).lower()
-        raise CommandError(
-            f"--port {port}: {reason} at {address}; name another, such as --port {free_port()}"
-        ) from error
+        reason = f"{(error.strerror or str(error)).lower()} at {address}"
+        if error.errno == errno.EADDRINUSE and _is_served(address, port):
+            reason = f"INS Lab runs there already: open http://localhost:{port}/"
+        given = "make lab PORT=" if "MAKELEVEL" in os.environ else "--port "
+        raise CommandError(f"--port {port}: {reason}; name another, such as {given}{free_port()}") from error
+
+
+def _is_served(address: str, port: int) -> bool:
+    """Say whether a laboratory answers at a port that is taken."""
+    from http.client import HTTPConnection, HTTPException  # noqa: PLC0415 - rarely needed
+
+    try:
+        asked = HTTPConnection(address, port, timeout=1.0)
+        asked.request("GET", "/health")
+        return asked.getresponse().read(100) == b'{"status": "ready"}'
+    except (OSError, HTTPException):
+        return False
 
 
 def free_port() -> int:
@@ -328,6 +345,12 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def _has_run() -> bool:
+    """Say whether Python has compiled, and kept, what the page imports: no installer need do so."""
+    spec = importlib.util.find_spec("panel")
+    return spec is not None and spec.cached is not None and Path(spec.cached).exists()
 
 
 def _has_screen() -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import subprocess
 import sys
+import threading
 import time
 from typing import Any
 from urllib.error import URLError
@@ -22,6 +23,34 @@ def test_serving_on_a_taken_port_names_a_free_one() -> None:
         taken.listen()
         port = taken.getsockname()[1]
         refused(ask("serve", "--port", str(port), "--no-browser"), f"--port {port}", "in use", "name another")
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (b'HTTP/1.1 200 OK\r\nContent-Length: 19\r\n\r\n{"status": "ready"}', "INS Lab runs there already"),
+        (b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n{}", "in use"),
+        (b"220 mail\r\n", "in use"),
+    ],
+)
+def test_who_has_the_port_and_how_to_name_another_under_make(
+    monkeypatch: pytest.MonkeyPatch, answer: bytes, words: str
+) -> None:
+    def serve_once() -> None:
+        connection, _ = taken.accept()
+        with connection:
+            connection.recv(1000)
+            connection.sendall(answer)
+
+    monkeypatch.setenv("MAKELEVEL", "1")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        server = threading.Thread(target=serve_once)
+        server.start()
+        port = str(taken.getsockname()[1])
+        refused(ask("serve", "--port", port, "--no-browser"), words, "name another, such as make lab PORT=")
+        server.join()
 
 
 @pytest.mark.parametrize(
