@@ -47,6 +47,20 @@ def inner(statement: ast.stmt, part: str) -> list[ast.stmt]:
     return [] if is_definition or is_script else getattr(statement, part, [])
 
 
+SLOW = (
+    r"(import|from) (pandas|xarray|trimesh)\b"
+    r"|from scipy(?! import (special|linalg)|\.(special|linalg|spatial))\b"
+)
+"""Imports of 1,000 modules that the page is shown without: the first time, they take 4 s of a processor.
+`scipy.optimize`, written whole after ``import scipy``, is imported when it is used.
+"""
+
+
+def test_no_file_imports_on_loading_what_the_page_shows_without() -> None:
+    found = {str(file): re.search(rf"^({SLOW}).*", (ROOT / file).read_text("utf-8"), re.M) for file in FILES}
+    assert {file: one[0] for file, one in found.items() if one} == {}
+
+
 @pytest.mark.proof
 def test_an_import_changes_nothing_in_the_process() -> None:
     found = {file: calls(ast.parse((ROOT / file).read_text("utf-8")).body) for file in FILES}

@@ -18,9 +18,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
-from scipy.signal import lfilter
 
 from lab.analysis.verdicts.finding import is_right
 from lab.base.arrays import FloatArray, of_kernel
@@ -244,7 +243,7 @@ def with_motion(fixes: FixSeries, errors: AxisErrors) -> AxisErrors:
     def cost(logarithm: float) -> float:
         return -drop_outliers(fixes, errors._replace(motion=math.exp(logarithm))).likelihood
 
-    found = optimize.minimize_scalar(cost, bounds=(-FAST, math.log(FASTEST)), method="bounded")
+    found = scipy.optimize.minimize_scalar(cost, bounds=(-FAST, math.log(FASTEST)), method="bounded")
     return errors._replace(motion=math.exp(float(found.x)))
 
 
@@ -277,7 +276,7 @@ def rounding(values: FloatArray) -> float:
 
 def _minimize_cost(cost: Callable[[FloatArray], float], start: FloatArray) -> tuple[FloatArray, float]:
     """Return the place of the least cost, and the cost there."""
-    found = optimize.minimize(
+    found = scipy.optimize.minimize(
         cost,
         start,
         method="Nelder-Mead",
@@ -375,7 +374,7 @@ def expected_squares(squares: FloatArray, degrees: FloatArray, memory: float) ->
     found = np.clip(squares / np.maximum(degrees, 1), LEAST_SQUARE, OUTLIER**2)
     found = np.where(degrees > 0, found, 1.0)
     # m ← m + (x − m) / memory, from 1 on.
-    mean, _ = lfilter([gain], [1.0, gain - 1.0], found, zi=np.array([1.0 - gain]))
+    mean, _ = scipy.signal.lfilter([gain], [1.0, gain - 1.0], found, zi=np.array([1.0 - gain]))
     return np.concatenate(([1.0], mean[:-1]))
 
 

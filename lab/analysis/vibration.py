@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from lab.base.arrays import FloatArray
 
@@ -71,7 +71,7 @@ def vibration(rates: FloatArray, dt: float) -> Vibration | None:
     highest = 0.5 / dt
     if highest < LEAST_BAND * SLOWEST or len(rates) < SEGMENT:
         return None
-    frequencies, spectra = signal.welch(rates, 1 / dt, "hann", SEGMENT, axis=0)
+    frequencies, spectra = scipy.signal.welch(rates, 1 / dt, "hann", SEGMENT, axis=0)
     power = spectra.sum(axis=1)
     fast = frequencies >= SLOWEST
     frequencies, power, step = frequencies[fast], power[fast], frequencies[1] - frequencies[0]

@@ -26,8 +26,8 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
@@ -236,7 +236,7 @@ def _without_roll(time: FloatArray, at: FloatArray, nose: FloatArray) -> FloatAr
 
 def _force(time: FloatArray, velocity: FloatArray, yaw: FloatArray) -> tuple[FloatArray, ...]:
     """Return the specific force along the heading, to its right and down, (n,) each [m/s²]."""
-    north, east, down = CubicSpline(time, velocity)(time, 1).T
+    north, east, down = scipy.interpolate.CubicSpline(time, velocity)(time, 1).T
     s, c = np.sin(yaw), np.cos(yaw)
     return c * north + s * east, c * east - s * north, down - STANDARD_GRAVITY
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from lab.base.arrays import FloatArray
 from lab.motion.frames.displacement import metres_per_radian
@@ -26,7 +26,7 @@ _NOT_CONVERGED = 1e-9
 
 def integral(time: FloatArray, values: FloatArray) -> FloatArray:
     """Return the integral of a cubic spline through values (n,) or (n, k), from the first time on."""
-    curve = CubicSpline(time, values).antiderivative()
+    curve = scipy.interpolate.CubicSpline(time, values).antiderivative()
     return np.asarray(curve(time) - curve(time[0]))
 
 

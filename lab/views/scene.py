@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import rich
-import trimesh
 import viser
 from scipy.spatial.transform import Rotation
 
@@ -24,6 +23,8 @@ from lab.views.envelope import thin_path
 from lab.views.quantities import ESTIMATE, FIXES, HELD, LETTERS, TRUTH
 
 if TYPE_CHECKING:
+    import trimesh
+
     from lab.experiment.result import Result
 
 LENGTH = 8.1
@@ -33,6 +34,8 @@ LENGTH = 8.1
 @cache
 def aircraft() -> trimesh.Trimesh:
     """Return the aeroplane in body axes: x forward, y right, z down [m]."""
+    import trimesh  # noqa: PLC0415 - a page whose scene is not open does without
+
     cabin = _rings([(3.0, 0.25, 0.3), (2.4, 0.5, 0.5), (1.2, 0.6, 0.7), (-0.9, 0.6, 0.7)])
     boom = _rings([(-0.9, 0.6, 0.7), (-5.1, 0.1, 0.15)])
     wing = [(1.1, 0), (1.1, 3.0), (0.9, 5.5), (-0.2, 5.5), (-0.5, 3.0), (-0.5, 0)]
@@ -239,6 +242,8 @@ class Scene:
 
     def _draw_ellipsoids(self, name: str, result: Result, colour: str, most: int) -> None:
         """Draw at most so many ellipsoids; those of a held result are of wire."""
+        import trimesh  # noqa: PLC0415 - as above
+
         times = result.fixes.time
         chosen = np.unique(np.linspace(0, len(times) - 1, min(len(times), most)).astype(int))
         covariance = result.position_covariance.values[chosen]

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from lab.analysis.calibration.terms import Judgement, Term, judge
 from lab.base.arrays import FloatArray
@@ -124,7 +124,7 @@ class _Model(NamedTuple):
         size = np.sqrt(max(found[-1] + found[:-1] @ found[:-1], np.finfo(np.float64).tiny))
         start = np.concatenate((middle + found[:-1], np.zeros(len(_traceless(self.d)) * self.shaped), [size]))
         scale = np.concatenate((np.full(self.d, size), np.ones(start.size - self.d - 1), [size]))
-        solved = least_squares(
+        solved = scipy.optimize.least_squares(
             self.residual, start, self.jacobian, x_scale=scale, args=(fields,), max_nfev=LIMITS.rounds
         )
         return np.asarray(solved.x)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from lab.base.arrays import FloatArray
 
@@ -48,7 +48,7 @@ class Term(NamedTuple):
     @property
     def interval(self) -> tuple[float, float]:
         """The 95 % interval of the true value."""
-        half = self.sigma * float(stats.t.ppf((1 + CONFIDENCE) / 2, max(self.degrees, 1.0)))
+        half = self.sigma * float(scipy.stats.t.ppf((1 + CONFIDENCE) / 2, max(self.degrees, 1.0)))
         return self.value - half, self.value + half
 
     def __str__(self) -> str:
@@ -119,6 +119,6 @@ def judge(group: str, measure: str, unit: str, before: FloatArray, after: FloatA
     if before.size < FEWEST_JUDGED:
         return Judgement(group, measure, unit, np.nan, np.nan, before.size, 1.0)
     gained = np.abs(before) - np.abs(after)
-    p_value = float(stats.wilcoxon(gained, alternative="greater").pvalue) if gained.any() else 1.0
+    p_value = float(scipy.stats.wilcoxon(gained, alternative="greater").pvalue) if gained.any() else 1.0
     sizes = [float(np.sqrt(np.mean(values**2))) for values in (before, after)]
     return Judgement(group, measure, unit, sizes[0], sizes[1], before.size, p_value)

@@ -28,8 +28,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import binary_dilation
-from scipy.signal import lfilter, savgol_filter
+import scipy
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import Weighed, format_number
@@ -124,11 +123,11 @@ def fix_delay(judged: Sequence[Measurement], gnss: GnssLog, epoch: float) -> Del
     if width > len(at) // LEAST_WINDOWS:
         return None  # damaged times, or too few fixes
     nu, variance = _on_fixes(judged, at, period)
-    smooth = savgol_filter(velocity, 2 * width + 1, 2, axis=0)
-    acceleration = savgol_filter(velocity, 2 * width + 1, 2, deriv=1, delta=period, axis=0)
+    smooth = scipy.signal.savgol_filter(velocity, 2 * width + 1, 2, axis=0)
+    acceleration = scipy.signal.savgol_filter(velocity, 2 * width + 1, 2, deriv=1, delta=period, axis=0)
     noise = _noise(velocity - smooth)
     step = np.append(np.diff(at), period)
-    whole = ~binary_dilation(np.abs(step - period) > period / 2, iterations=width)
+    whole = ~scipy.ndimage.binary_dilation(np.abs(step - period) > period / 2, iterations=width)
     whole[: max(SETTLED, width)] = whole[-width:] = False
     rows = [whole & np.isfinite(nu[:, one]) for one in range(6)]
     used = [one for one in range(6) if rows[one].sum() > MANY and np.ptp(nu[rows[one], one]) > 0]
@@ -197,7 +196,7 @@ def _noise(deviations: FloatArray) -> list[FloatArray]:
     """Return what the noise of the fixes near an innovation and before may add to it, for each axis."""
     earlier = np.roll(deviations, 1, axis=0)
     columns = [np.roll(deviations, back, axis=0) for back in NEIGHBOURS]
-    columns += [lfilter([gain], [1.0, gain - 1.0], earlier, axis=0) for gain in MEMORIES]
+    columns += [scipy.signal.lfilter([gain], [1.0, gain - 1.0], earlier, axis=0) for gain in MEMORIES]
     return [np.column_stack([one[:, axis] for one in columns]) for axis in range(3)]
 
 
@@ -223,7 +222,7 @@ def _errors(smooth: FloatArray, acceleration: FloatArray, period: float, width: 
     """Return the errors (m, 6, 3) of fixes late by 1 s, of an antenna as far back, and of right fixes."""
     speed = np.linalg.norm(smooth, axis=1, keepdims=True)
     course = smooth / np.maximum(speed, SLOWEST) * np.sqrt(np.mean(speed**2))
-    turning = savgol_filter(course, 2 * width + 1, 2, deriv=1, delta=period, axis=0)
+    turning = scipy.signal.savgol_filter(course, 2 * width + 1, 2, deriv=1, delta=period, axis=0)
     late, back = np.hstack((smooth, acceleration)), np.hstack((course, turning))
     return np.ascontiguousarray(-np.stack((late, back, np.zeros_like(late)), axis=2))
 

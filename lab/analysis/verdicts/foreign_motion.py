@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import Weighed, format_number
@@ -117,7 +117,7 @@ def _responses(velocity: FloatArray, width: int, period: float, gain: float) -> 
     a = _acceleration(velocity, width, period)
     changes = np.diff(a, axis=0, prepend=a[:1])
     inputs = np.stack((period * a[:, ::-1] * (-1.0, 1.0), changes))
-    return np.asarray(lfilter([1.0], [1.0, gain - 1.0], inputs, axis=1))
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, gain - 1.0], inputs, axis=1))
 
 
 def _interpolate_neighbours(velocity: FloatArray, width: int, period: float, gain: float) -> FloatArray:

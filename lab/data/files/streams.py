@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from lab.base.arrays import Flags, FloatArray
@@ -187,7 +187,7 @@ class Stream:
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return values (m, k) at times at which they are known."""
-        return self._by_pieces(time, lambda t, values, at: CubicSpline(t, values)(at))
+        return self._by_pieces(time, lambda t, values, at: scipy.interpolate.CubicSpline(t, values)(at))
 
     def attitude_at(self, time: FloatArray) -> FloatArray:
         """Return quaternions (m, 4) at times at which they are known, of a stream of quaternions."""

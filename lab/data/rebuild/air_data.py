@@ -12,7 +12,7 @@ from airspeed, angle of attack and sideslip).
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from lab.base.arrays import FloatArray
 from lab.motion.frames import ecef, rotation
@@ -64,7 +64,7 @@ def integrate_velocity(time: FloatArray, velocity_n: FloatArray, start: FloatArr
     position = np.tile(here, (len(time), 1))
     for _ in range(_MAX_ROUNDS):
         velocity_e = np.einsum("nij,nj->ni", ecef.axes(position[:, 0], position[:, 1]), velocity_n)
-        displacement = CubicSpline(time, velocity_e).antiderivative()(time)
+        displacement = scipy.interpolate.CubicSpline(time, velocity_e).antiderivative()(time)
         moved = ecef.geodetic(r_start + displacement)
         change = np.abs(ecef.position(moved) - ecef.position(position)).max()
         position = moved

@@ -9,7 +9,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
@@ -131,7 +131,9 @@ def spline_rates(time: FloatArray, values: FloatArray, order: int) -> FloatArray
     order
         Which derivative, 1 or 2.
     """
-    return np.asarray(CubicSpline(time, values)(np.linspace(time[0], time[-1], len(time)), order))
+    return np.asarray(
+        scipy.interpolate.CubicSpline(time, values)(np.linspace(time[0], time[-1], len(time)), order)
+    )
 
 
 def roughness(values: FloatArray) -> float:
@@ -149,5 +151,5 @@ def roughness(values: FloatArray) -> float:
 def euler_at(recording: Recording, times: FloatArray) -> FloatArray:
     """Return roll, pitch, yaw (n, 3) [rad] of a recording at times within it."""
     q_nb = SmoothAxes(np.zeros(1)).attitudes(recording.euler, np.zeros((len(recording.time), 3)))
-    between = CubicSpline(recording.time, q_nb)(times)
+    between = scipy.interpolate.CubicSpline(recording.time, q_nb)(times)
     return rotation.euler_from_quaternion(between / np.linalg.norm(between, axis=1, keepdims=True))

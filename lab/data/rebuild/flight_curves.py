@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from lab.base.arrays import FloatArray
 from lab.data.rebuild import air_data
@@ -149,7 +149,9 @@ class FlightCurves:
             sentence = f"No height is recorded: {height[0]:g} m is assumed"
             if self.raw.velocity_n is not None:
                 # Down is positive in n.
-                climb = CubicSpline(self.raw.time, -self.raw.velocity_n[:, 2]).antiderivative()
+                climb = scipy.interpolate.CubicSpline(
+                    self.raw.time, -self.raw.velocity_n[:, 2]
+                ).antiderivative()
                 height += climb(self.raw.time)
                 sentence += " at the start, and then the integral of the vertical velocity"
             self._add_remark(f"{sentence} (setting start_height).")
@@ -185,12 +187,14 @@ class FlightCurves:
             position = ecef.geodetic(offsets + ecef.position(at[:1]))
         else:
             position = at[0] + anchored_offsets(time, at, velocity_f, self.grid)
-        return position, axes.vectors_n(CubicSpline(time, velocity_f)(self.grid), position)
+        return position, axes.vectors_n(scipy.interpolate.CubicSpline(time, velocity_f)(self.grid), position)
 
     def _given_smoothing(self) -> float:
         return float(self.settings.smoothing_parameter) if self.settings.smoothing == "given" else 0.0
 
-    def _spline(self, name: str, values: FloatArray, step: float) -> CubicSpline[np.float64]:
+    def _spline(
+        self, name: str, values: FloatArray, step: float
+    ) -> scipy.interpolate.CubicSpline[np.float64]:
         """Return the spline through values recorded in steps, smoothed as the settings say."""
         parameter = self._given_smoothing()
         if self.settings.smoothing == AUTO:

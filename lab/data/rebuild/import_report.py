@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from lab.base.arrays import FloatArray
 from lab.base.notebook_card import NotebookCard
@@ -366,7 +366,9 @@ def _fast_parts(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[float,
         if not rebuilt.unchanged:
             at = _space_times(part, flight, rebuilt, "attitude")
             euler = euler_at(part, at)
-        force = CubicSpline(part.time, part.velocity_n)(_space_times(part, flight, rebuilt, "velocity"), 1)
+        force = scipy.interpolate.CubicSpline(part.time, part.velocity_n)(
+            _space_times(part, flight, rebuilt, "velocity"), 1
+        )
         found.append((roughness(force), roughness(body_rates(at, euler))))
     force, rate = rms(np.array(found), 0)
     return float(force), float(rate)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from lab.base.arrays import Flags, FloatArray, running_sums
 from lab.base.parameters.units import STANDARD_GRAVITY
@@ -97,7 +97,7 @@ class RebuiltMotion:
 def motion(flight: RepairedFlight, rebuilt: Reconstruction) -> RebuiltMotion:
     """Return the motion of a flight that was rebuilt from repaired samples."""
     recording = rebuilt.recording
-    acceleration = CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
+    acceleration = scipy.interpolate.CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
     force = specific_force(recording.position, recording.velocity_n, acceleration)
     near = ecef.near_pole(recording.latitude)
     rates = np.linalg.norm(body_rates(recording.time, recording.euler), axis=1)
@@ -167,7 +167,7 @@ def _derived_quantities(flight: RepairedFlight, rebuilt: Reconstruction) -> dict
         heights = "the vertical velocity is not recorded but the slope of heights that jump or are noisy"
         made["climb"] = heights
         recording = rebuilt.recording
-        level = CubicSpline(recording.time, recording.velocity_n[:, :2])(recording.time, 1)
+        level = scipy.interpolate.CubicSpline(recording.time, recording.velocity_n[:, :2])(recording.time, 1)
         often = float(np.quantile(np.linalg.norm(level, axis=1), limits.LOG.reached))
         if np.hypot(often, STANDARD_GRAVITY) < limits.VEHICLES[rebuilt.vehicle].specific_force.possible:
             made["specific force"] = heights

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from lab.base.arrays import FloatArray
 from lab.base.files.mission_error import MissionError
@@ -183,14 +183,14 @@ def _attitude(made: FlightCurves, position: FloatArray, velocity_n: FloatArray, 
         if parameter:
             made.smoothing["attitude"] = parameter
             q_fb = evaluate_smoothed(raw.time, q_fb, parameter)
-    q_fb = CubicSpline(raw.time, q_fb)(grid)
+    q_fb = scipy.interpolate.CubicSpline(raw.time, q_fb)(grid)
     return axes.euler(q_fb / np.linalg.norm(q_fb, axis=1, keepdims=True), position)
 
 
 def _interpolate_positions(grid: FloatArray, position: FloatArray, time: FloatArray) -> FloatArray:
     """Return positions on a grid (m, 3) at other times, by the cubic through them in Earth-fixed axes."""
     r_e = ecef.position(position)
-    return ecef.geodetic(CubicSpline(grid, r_e - r_e[0])(time) + r_e[0])
+    return ecef.geodetic(scipy.interpolate.CubicSpline(grid, r_e - r_e[0])(time) + r_e[0])
 
 
 def _keep_samples(flight: RepairedFlight, grid: FloatArray, settings: ImportSettings) -> Recording | None:
@@ -238,10 +238,12 @@ def _residuals(
     if raw.latitude is not None:
         off_position = rms(ecef.displacement(made.recorded_positions(), at), 0)
     if raw.velocity_n is not None:
-        velocity_f = CubicSpline(time, axes.vectors(recording.velocity_n, position))(raw.time)
+        velocity_f = scipy.interpolate.CubicSpline(time, axes.vectors(recording.velocity_n, position))(
+            raw.time
+        )
         off_velocity = rms(axes.vectors_n(velocity_f, at) - raw.velocity_n, 0)
     if raw.euler is not None:
-        q_fb = CubicSpline(time, axes.attitudes(recording.euler, position))(raw.time)
+        q_fb = scipy.interpolate.CubicSpline(time, axes.attitudes(recording.euler, position))(raw.time)
         alike = np.abs(np.sum(q_fb * axes.attitudes(raw.euler, at), axis=1)) / np.linalg.norm(q_fb, axis=1)
         off_attitude = float(np.sqrt(np.mean((2 * np.arccos(np.minimum(alike, 1))) ** 2)))
     return off_position, off_velocity, off_attitude

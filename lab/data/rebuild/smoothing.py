@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 from scipy.linalg import LinAlgError, solveh_banded
 
 from lab.base.arrays import FloatArray
@@ -85,7 +85,9 @@ def evaluate_smoothed(time: FloatArray, values: FloatArray, smoothing: float) ->
     return np.asarray(values - smoothing * np.diff(np.pad(jumps, ((1, 1), (0, 0))), axis=0))
 
 
-def smoothing_spline(time: FloatArray, values: FloatArray, smoothing: float) -> CubicSpline[np.float64]:
+def smoothing_spline(
+    time: FloatArray, values: FloatArray, smoothing: float
+) -> scipy.interpolate.CubicSpline[np.float64]:
     """Return the smoothing spline itself; for λ = 0 the not-a-knot spline through the samples.
 
     Parameters
@@ -103,8 +105,8 @@ def smoothing_spline(time: FloatArray, values: FloatArray, smoothing: float) -> 
         If the times are so uneven that the equations cannot be solved.
     """
     if not smoothing:
-        return CubicSpline(time, values)
-    return CubicSpline(time, evaluate_smoothed(time, values, smoothing), bc_type="natural")
+        return scipy.interpolate.CubicSpline(time, values)
+    return scipy.interpolate.CubicSpline(time, evaluate_smoothed(time, values, smoothing), bc_type="natural")
 
 
 def slope_noise(time: FloatArray, sigma: float, smoothing: float) -> float:

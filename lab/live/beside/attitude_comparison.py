@@ -7,10 +7,9 @@ missing there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from lab.base.arrays import FloatArray
 from lab.data.streams.ring import Cursor
@@ -20,6 +19,9 @@ from lab.live.live_history import RATE
 from lab.live.live_state import HistoryCursor
 from lab.live.station import Station
 from lab.motion.frames.rotation import euler_from_quaternion, quaternion_from_euler, wrap
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 OURS, DEVICE, TRUTH = "INS Lab", "the device itself", "truth"
 """Names of the attitudes besides those of algorithms."""
@@ -164,6 +166,8 @@ class AttitudeComparison:
 
     def dataset(self) -> xr.Dataset:
         """Return the attitudes that are kept as a dataset: roll, pitch and heading [°] over time [s]."""
+        import xarray as xr  # noqa: PLC0415 - the page does without it
+
         known = self.known
         q_nb = self._rows.column("q_nb")[:, [self.names.index(name) for name in known]]
         time = self._rows.column("time")

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Any, Self
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any, Self
 
 from lab.base.python_file import describe_error
 from lab.data.streams.source import Source
@@ -16,6 +14,9 @@ from lab.live.station import Station
 from lab.navigation.algorithm_source import AlgorithmSource
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _LOOK = 0.1
 """Time between two looks at the stream [s]."""

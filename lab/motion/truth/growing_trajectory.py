@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 from scipy.spatial.transform import Rotation
 
 from lab.base.arrays import FloatArray
@@ -121,7 +121,7 @@ class GrowingTrajectory:
         velocity_n = np.array([frame.velocity_n for frame in frames])
         per_latitude, per_longitude = metres_per_radian(position[:, 0], position[:, 2])
         to_rate = np.stack((1 / per_latitude, 1 / per_longitude, np.full_like(time, -1.0)), axis=-1)
-        integral = CubicSpline(time, velocity_n * to_rate).antiderivative()
+        integral = scipy.interpolate.CubicSpline(time, velocity_n * to_rate).antiderivative()
         flown = self._flown + integral(time[at : end + 1]) - integral(time[at])
         highest = int(np.floor(time[end] * self._rate + 1e-6))  # 1e-6, because times are rounded
         number = np.arange(self._knots, highest + 1)
