@@ -91,7 +91,10 @@
       box = window.insLabAlert(`The server does not answer. It is busy, or the network is interrupted. What you do
         meanwhile is done once it answers.`, "Hide", (shown) => { shown.style.display = "none"; });
       box.setAttribute("role", "status");
-      box.style.background = "#6b4a00";
+      Object.assign(box.style, {  // over plots only: tabs, settings and the time go on in the browser itself
+        background: "#6b4a00", top: "auto", left: "auto", right: "12px", bottom: "84px", borderRadius: "6px",
+        width: "min(440px, 92vw)", boxSizing: "border-box",
+      });
     }, LOOK);
   };
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+from playwright.sync_api import Browser, Locator, Page, ViewportSize, WebSocketRoute, expect
 
 from tests.browser.conftest import (
     DRAWN,
@@ -34,7 +34,18 @@ MADE_PLOTS = """
 }
 """
 """Notes each plot that the browser makes from here on."""
+PHONE: ViewportSize = {"width": 390, "height": 844}
 BACK = "window.cut !== true && window.insLabReady"
+
+
+def overlap(one: Locator, other: Locator) -> bool:
+    """Return whether two parts of a page that are visible lie over each other."""
+    first, second = one.bounding_box(), other.bounding_box()
+    assert first is not None and second is not None
+    return all(
+        first[start] < second[start] + second[size] and second[start] < first[start] + first[size]
+        for start, size in (("x", "width"), ("y", "height"))
+    )
 
 
 class Wire:
@@ -103,6 +114,14 @@ def test_a_tab_that_is_left_before_it_comes_is_not_made(wired: tuple[Page, Wire]
         expect(frame).to_contain_text("what was flown, measured and estimated")
         expect(frame.get_by_role("progressbar")).to_be_visible()
         expect(silence).to_be_visible()
+        page.set_viewport_size(PHONE)  # it covers neither the tabs, nor the header, nor the time
+        covers = [
+            page.get_by_role("tablist"),
+            page.get_by_role("banner"),
+            page.get_by_role("slider", name="Time"),
+        ]
+        eventually(page, lambda: not any(overlap(silence, one) for one in covers))
+        page.set_viewport_size(SIZE)
         eventually(page, lambda: any("Specific force" in str(one) for one in late))
         frame.get_by_role("button", name="Cancel").click()
         expect(frame).to_have_count(0)
