@@ -471,7 +471,7 @@ class Result(NotebookCard, JudgedRun):
         FileNotFoundError
             If the folder does not exist.
         ValueError
-            If a note ends before it starts, or starts before the flight.
+            If a note ends before it starts, or is not within the flight.
         """
         find("result", "report")(self, Path(path), overwrite=overwrite, notes=notes)
 

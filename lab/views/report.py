@@ -6,7 +6,6 @@ TOML, and the versions that made it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from importlib.metadata import version
@@ -89,9 +88,13 @@ def write_report(
 ) -> None:
     """Write a run as one HTML file; see `Result.report`."""
     refuse_existing([path], overwrite)
+    last = float(result.time[-1])
     for start, end, text in notes:
-        if not 0 <= start <= end < math.inf:
-            raise ValueError(f"the note {text!r} is from {start} s to {end} s: accepted is 0 <= start <= end")
+        if not 0 <= start <= end <= last:
+            raise ValueError(
+                f"the note {text!r} is from {start:g} s to {end:g} s: accepted is 0 <= start <= end, and the "
+                f"flight lasts {last:.1f} s"
+            )
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     html = report_html(result, notes)

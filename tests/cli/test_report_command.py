@@ -21,6 +21,8 @@ def test_a_report_is_written_and_replaced_only_when_told(tmp_path: Path) -> None
     refused(ask(*asked), "exists already", "--force")
     told = ask(*asked, "--force", "--json")
     assert told.exit_code == 0
+    for late in ("300:Beyond", "200-205.5:Beyond"):
+        refused(ask(*asked, "--force", "--note", late), "'Beyond'", "lasts 205.0 s")
     facts = json.loads(told.stdout)
     assert (facts["report"], facts["changed"]) == (str(path), {"trajectory.imu_rate": 50.0})
 
