@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import operator
 import re
 from collections import Counter
@@ -9,6 +10,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import reduce
+from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -351,6 +353,23 @@ def test_outliers_are_found_among_gaussian_errors_of_any_size_and_drift(rate):
         assert (found & chosen).sum() > 0.97 * chosen.sum()
 
 
+@pytest.mark.parametrize("duration", [3.0, 6.0, 9.0])
+def test_a_matched_filter_is_not_accused_on_a_flight_of_seconds(tmp_path, duration):
+    """There are then hardly more windows than causes, which together explain any errors."""
+    with gzip.open(Path(__file__).parents[2] / "missions/montreal.csv.gz", "rt") as whole:
+        heading, *rows = whole.read().splitlines()
+    flight = tmp_path / "cut.csv"
+    cut = [row for row in rows if 100 <= float(row.split(",")[0]) <= 100 + duration]
+    flight.write_text("\n".join((heading, *cut)))
+    experiment = Experiment(mission=str(flight))
+    experiment.trajectory.imu_rate = RATE
+    accused = []
+    for experiment.seed in range(15):
+        verdict = experiment.run().verdict
+        accused += [] if verdict.consistent else [verdict.headline]
+    assert len(accused) <= stats.binom.ppf(0.999, 15, 0.03), accused
+
+
 @pytest.mark.parametrize("outages", [[[0, 1e6]], [[1.5, 1e6]], [[2.5, 1e6]]], ids=["none", "one", "two"])
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_flights_with_hardly_a_fix_are_judged_by_what_there_is(outages):
@@ -361,6 +380,15 @@ def test_flights_with_hardly_a_fix_are_judged_by_what_there_is(outages):
     for verdict in (result.verdict, result.innovation_verdict):
         assert verdict.consistent is expected
         assert ("no fix" in verdict.headline) == (expected is None)
+
+
+def test_states_without_an_error_are_not_accused():
+    """The σ of scale factors that no sensor has: the mean square of their errors is zero."""
+    experiment = Experiment(mission="los_angeles", seed=1)
+    experiment.navigator.states = 21
+    experiment.navigator.p0 = [*[1.0] * 3, *[0.09] * 3, *[1e-4] * 3, *[3e-6] * 3, *[4e-4] * 3, *[1e-8] * 6]
+    verdict = experiment.run().tried_verdict
+    assert not any("scale" in one.quantity for one in verdict.findings)
 
 
 def test_a_scale_factor_that_is_no_state_is_named():

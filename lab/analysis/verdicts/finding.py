@@ -282,7 +282,8 @@ def judge_size(
     the table by `fields`. `rows` are those of the matrix that the advice multiplies by the mean square.
     """
     total, count = float(squares.total), float(squares.number)
-    if not count or is_right(total, count, doubt):
+    # Values that are all zero are of errors that are not simulated: no factor describes their variance.
+    if not total or is_right(total, count, doubt):
         return []
     ratio = max(total / count, 1e-12)
     factor = max(ratio, 1 / ratio)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lab.analysis.consistency import chi_square_interval
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import (
     Weighed,
@@ -19,7 +20,7 @@ from lab.analysis.verdicts.finding import (
 from lab.analysis.verdicts.finding_table import EARTH_RATE, FINDINGS, SENSORS
 from lab.analysis.verdicts.likely_factor import likely_factor
 from lab.analysis.verdicts.selection import Explained, estimates, likelihood_gain, select_causes
-from lab.analysis.verdicts.sensor_evidence import FACTORS, MOTION, SensorErrors
+from lab.analysis.verdicts.sensor_evidence import FACTORS, FEWEST, MOTION, SensorErrors
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
 from lab.base.parameters.units import STANDARD_GRAVITY
@@ -70,7 +71,12 @@ def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed]
         errors.matrix.values[:, axes], errors.vector.values[:, axes], errors.squares.values[:, axes]
     )
     total = float(fit.squares)
-    scale = max((total - 2 * likelihood_gain(fit, range(len(MOTION)))) / count, 1e-12)
+    free = count - np.count_nonzero(np.diagonal(fit.matrix, axis1=1, axis2=2))
+    if free < FEWEST:  # the causes together explain any errors of so few windows
+        return [], (total, count)
+    left = total - 2 * likelihood_gain(fit, range(len(MOTION)))
+    # Few windows do not show the size of the noise well: it may be as large as this.
+    scale = max(left / chi_square_interval(free, 1, limits.VERDICT.confidence)[0], 1e-12)
     chosen = select_causes(
         Fit(fit.matrix / scale, fit.vector / scale, fit.squares / scale),
         _CAUSES,
