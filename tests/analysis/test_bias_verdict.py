@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import operator
 from functools import reduce
+from pathlib import Path
 
 import numpy as np
+import pymap3d
 import pytest
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
 
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import Finding
@@ -17,6 +21,7 @@ from lab.analysis.verdicts.sensor_verdict import _state_finding, judge_sensors
 from lab.experiment.ensembles.seeds import run_ensemble
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
+from lab.missions import Recording, write_flight_csv
 from lab.navigation.belief import belief
 from lab.navigation.solution import Imu
 
@@ -130,6 +135,24 @@ def test_flicker_that_no_flight_shows_is_nothing_to_name(path: str, size: float)
     experiment.set("trajectory.imu_rate", 50.0)
     experiment.set(f"sensors.{path}", size)
     assert experiment.run().verdict.consistent
+
+
+def test_constant_biases_are_not_accused_on_a_slow_walk_of_minutes(tmp_path: Path) -> None:
+    """Noise resembles a lag there, by chance, and the windows of the biases are not those of the noise."""
+    time, knots = np.arange(450.0), np.arange(0, 460, 15.0)
+    bends = np.random.default_rng(4).normal(0, np.radians(25), knots.size)
+    course = CubicSpline(knots, np.cumsum(bends))(time)
+    velocity = 1.5 * np.column_stack([np.cos(course), np.sin(course), np.zeros_like(time)])
+    north, east = cumulative_trapezoid(velocity[:, :2], time, axis=0, initial=0).T
+    latitude, longitude, _ = pymap3d.enu2geodetic(east, north, 0 * time, 48, 11, 500)
+    lean = np.arctan(1.5 * np.gradient(course) / 9.81)
+    euler = np.column_stack([lean, 0 * time, course])
+    places = np.radians(latitude), np.radians(longitude), np.full_like(time, 500.0)
+    write_flight_csv(tmp_path / "walk.csv", Recording(time, *places, velocity, euler))
+    experiment = Experiment(mission=str(tmp_path / "walk.csv"))
+    experiment.trajectory.imu_rate = 10.0
+    for experiment.seed in range(12):
+        assert not [one for one in experiment.run().verdict.findings if "bias" in one.quantity]
 
 
 @pytest.mark.parametrize("correlation_time", [0.3, 4.0, 1e3, 1e9])

@@ -108,6 +108,7 @@ class _Windows(NamedTuple):
     bias: FloatArray  # likewise
     motion: FloatArray  # (1 or runs, 6, windows, 6) MOTION: of all runs, or of each
     drift: FloatArray  # (6, windows, 4) DRIFT
+    lags: FloatArray  # (runs, 6) lag of the fourth regressor [s]; zero where it is the slope
     clipped: NDArray[np.bool_]  # (runs, 6, windows)
 
 
@@ -165,7 +166,7 @@ def sensor_errors_abreast(
     short, long = true
     axes = np.flatnonzero(belief.noise[:6] > 0)
     seen = _windows(imus, references, short, measured[0])
-    wide = seen if long is short else _windows(imus, references, long, measured[1])
+    wide = seen if long is short else _windows(imus, references, long, measured[1], seen.lags)
     root = np.sqrt(np.where(belief.noise[:6] > 0, belief.noise[:6], 1.0) / seen.window)
     noise, motion = seen.noise / root[:, None], seen.motion / root[:, None, None]
     kept = ~seen.clipped
@@ -264,9 +265,17 @@ def _sums(reference: Reference, true: Exact, measured: FloatArray) -> _Sums:
 
 
 def _windows(
-    imus: Sequence[Imu], references: Sequence[Reference], true: Exact, measured: FloatArray
+    imus: Sequence[Imu],
+    references: Sequence[Reference],
+    true: Exact,
+    measured: FloatArray,
+    lags: FloatArray | None = None,
 ) -> _Windows:
-    """Return the errors of the axes, given the means (runs, windows, 6) of the output of the sensors."""
+    """Return the errors of the axes, given the means (runs, windows, 6) of the output of the sensors.
+
+    The `lags` (runs, 6) are those that fit the errors, or those given: what is fitted to the regressors of
+    some windows is taken from the errors of others, so they must be regressors of the same lag.
+    """
     count, width, dt = true.moved.shape[0], true.width, true.dt
     sums = [_sums(reference, true, means) for reference, means in zip(references, measured, strict=True)]
     noise, bias = (np.stack([one[part].T for one in sums]) for part in range(2))
@@ -275,14 +284,20 @@ def _windows(
     for column in range(3):
         motion[0, ..., column] = true.moved[:, 3 * sensors + (own + column) % 3].T
     motion[0, ..., 3], motion[0, ..., 5] = true.fall.T, true.earth.T
-    centred = true.fall.T - true.fall.mean(axis=0)[:, None]
-    late = np.sum(centred * noise, axis=2) >= SHORT * np.maximum(np.sum(centred**2, axis=1), TINY)
-    if late.any():
+    if lags is None:
+        centred = true.fall.T - true.fall.mean(axis=0)[:, None]
+        late = np.sum(centred * noise, axis=2) >= SHORT * np.maximum(np.sum(centred**2, axis=1), TINY)
+        lags = np.where(late, np.inf, 0.0)
+    if lags.any():
         motion = np.tile(motion, (len(references), 1, 1, 1))
-    for run, axis in np.argwhere(late).tolist():
+        lags = lags.copy()
+    for run, axis in np.argwhere(lags).tolist():
         increments = (references[run].dtheta, references[run].dvelocity)[axis // 3]
-        values = increments[: count * width, axis % 3] / dt
-        motion[run, axis, :, 3:5] = _lag(values, noise[run, axis], true.fall[:, axis], dt)
+        values = of_kernel(increments[: count * width, axis % 3] / dt)
+        if np.isinf(lags[run, axis]):
+            lags[run, axis] = _fit_lag(values, noise[run, axis], true.fall[:, axis], dt)
+        for column, times in ((3, 1.0), (4, LONGER)):
+            motion[run, axis, :, column] = _lag_effect(values, times * lags[run, axis], count, dt)
     drift = np.zeros((6, count, len(DRIFT)))
     drift[..., 0], drift[..., 1] = 1.0, (np.arange(count) + 0.5) * width * dt
     drift[..., 2], drift[:3, :, 3] = true.temperature, true.moved[:, 3:].T
@@ -293,26 +308,26 @@ def _windows(
                 size = np.abs(increments[: count * width])
                 at_end = (size >= np.abs(increments).max() * (1 - 1e-9)).reshape(count, width, 3)
                 clipped[run, 3 * sensor : 3 * sensor + 3] = at_end.any(axis=1).T
-    return _Windows(width * dt, noise, bias, motion, drift, clipped)
+    return _Windows(width * dt, noise, bias, motion, drift, lags, clipped)
 
 
-def _lag(values: FloatArray, added: FloatArray, fall: FloatArray, dt: float) -> FloatArray:
-    """Return the effect of a first-order lag on values, per second of lag, and of a longer lag (windows, 2).
+def _fit_lag(values: FloatArray, added: FloatArray, fall: FloatArray, dt: float) -> float:
+    """Return the first-order lag of values that fits the `added` errors [s].
 
-    The lag that fits the `added` errors is determined first, because a lag beyond `SHORT` has effects beyond
-    the slope. `fall` is minus the mean slope of the values in each window.
+    A lag beyond `SHORT` has effects beyond the slope, minus which is `fall` in each window.
     """
-    values, windows = of_kernel(values), fall.size
-
-    def effect(lag: float) -> FloatArray:
-        means = np.empty(windows)
-        _lagged_means(values, float(np.exp(-dt / lag)), means)
-        return means / lag
-
     lag = _fit_factor(fall, added)
     for _ in range(3):
-        lag = float(np.clip(_fit_factor(effect(lag), added), SHORT, LONG))
-    return np.stack((effect(lag), effect(LONGER * lag)), axis=-1)
+        lag = float(np.clip(lag, SHORT, LONG))
+        lag = _fit_factor(_lag_effect(values, lag, fall.size, dt), added)
+    return float(np.clip(lag, SHORT, LONG))
+
+
+def _lag_effect(values: FloatArray, lag: float, windows: int, dt: float) -> FloatArray:
+    """Return the effect of a first-order lag on values as means over windows, per second of lag."""
+    means = np.empty(windows)
+    _lagged_means(values, float(np.exp(-dt / lag)), means)
+    return means / lag
 
 
 @entry_kernel
