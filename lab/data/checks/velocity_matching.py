@@ -9,22 +9,17 @@ with biases. Left out: Earth rate and transport rate, 0.1° in a window.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import NamedTuple, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lab.base.arrays import FloatArray, running_sums
+from lab.base.arrays import FloatArray, interpolate_columns, of_kernel, running_sums
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.checks import limits
-from lab.motion.kinematics.running_turns import (
-    matrices,
-    product,
-    quaternions,
-    running_attitudes,
-    running_products,
-)
 
 Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -223,7 +218,16 @@ def match(
         window, best[1], prior, prior_sigma, best[3], _FINE, bool(lags), best[2]
     )
     sigma = np.sqrt(np.diagonal(covariance) * max(1.0, misfit))
-    return Match(C_nb, float(sigma[2]), found[:3], sigma[3:6], lag, float(sigma[12]), misfit, cost)
+    return Match(
+        Rotation.from_matrix(C_nb),
+        float(sigma[2]),
+        found[:3],
+        sigma[3:6],
+        lag,
+        float(sigma[12]),
+        misfit,
+        cost,
+    )
 
 
 def steps(time: FloatArray, increments: FloatArray, start: float, end: float) -> FloatArray:
@@ -234,38 +238,41 @@ def steps(time: FloatArray, increments: FloatArray, start: float, end: float) ->
 
 def _diff_sums(ends: FloatArray, time: FloatArray, increments: FloatArray) -> FloatArray:
     """Return what increments between some times add up to between others."""
-    return np.diff([np.interp(ends, time, column) for column in running_sums(increments).T]).T
+    return np.diff(interpolate_columns(ends, time, running_sums(increments)), axis=0)
 
 
-def _starting_rotations(window: Window, bias: FloatArray) -> list[Rotation]:
-    """Return rotations that take the sum of the forces to the change of velocity, less gravity.
+def _starting_rotations(window: Window, bias: FloatArray) -> list[FloatArray]:
+    """Return rotation matrices that take the sum of the forces to the change of velocity, less gravity.
 
     The rotation about that vector is arbitrary. It is nearly vertical but for fast, strong manoeuvres.
     """
     first, last = window.at[0], window.at[-1]
-    rows = (window.time[:-1] >= first) & (window.time[1:] <= last)
-    steps = np.diff(window.time)[:, None]
-    total = running_attitudes(window.dtheta - bias * steps)[:-1].apply(window.dvelocity)[rows].sum(axis=0)
+    inside = np.flatnonzero((window.time >= first) & (window.time <= last))
+    total = np.zeros(3)
+    if inside.size:
+        begin, end = inside[[0, -1]]
+        sums = _sums(window, np.eye(3), np.append(bias, np.zeros(3)))[:, :3]
+        total = sums[end] - sums[begin] - _G * (window.time[end] - window.time[begin])
     gained = np.nan_to_num(window.velocity_n[-1] - window.velocity_n[0]) - _G * (last - first)
     # Without a force there is nothing to align: level, with each heading.
     if not (np.linalg.norm(total) > 0 and np.isfinite(total).all()):
-        return [Rotation.from_euler("z", heading) for heading in _HEADINGS]
+        return list(Rotation.from_rotvec(_HEADINGS[:, None] * [0.0, 0.0, 1.0]).as_matrix())
     axis = gained / np.linalg.norm(gained)
-    C = Rotation.align_vectors([axis], [total / np.linalg.norm(total)])[0]
-    return [Rotation.from_rotvec(-heading * axis) * C for heading in _HEADINGS]
+    C = Rotation.align_vectors([axis], [total / np.linalg.norm(total)])[0].as_matrix()
+    return list(Rotation.from_rotvec(-_HEADINGS[:, None] * axis).as_matrix() @ C)
 
 
 def _fit_window(
     window: Window,
-    C_nb: Rotation,
+    C_nb: FloatArray,
     prior: FloatArray,
     prior_sigma: FloatArray,
     lag: float,
     rounds: int,
     fit_lag: bool,
     found: FloatArray | None = None,
-) -> tuple[float, Rotation, FloatArray, float, FloatArray, float]:
-    """Return cost, attitude, biases (6,), lag, covariance (13, 13) and misfit after some rounds.
+) -> tuple[float, FloatArray, FloatArray, float, FloatArray, float]:
+    """Return cost, C_nb, biases (6,), lag, covariance (13, 13) and misfit after some rounds.
 
     Unknowns: rotation in n, gyro bias, accelerometer bias, initial velocity, lag.
     """
@@ -276,31 +283,28 @@ def _fit_window(
     # Infinite: nothing is known of attitude and velocity before.
     loose = np.concatenate((np.full(3, np.inf), prior_sigma, np.full(3, np.inf), [LAG_SIGMA]))
     damped = np.diag(np.concatenate((np.full(3, 1 / _MAX_TURN), 1 / loose[3:])))
+    derivatives = np.zeros((len(seen), 3, 13))
+    derivatives[:, :, _VELOCITY] = np.eye(3)
+    design, residual = np.zeros((count + 13, 13)), np.zeros(count + 13)
     for _ in range(rounds + 1):
-        gained, by_rotation, by_gyro, by_force, by_lag = _model(window, C_nb, found, lag)
-        design = np.concatenate(
-            (
-                by_rotation,
-                by_gyro,
-                by_force,
-                np.broadcast_to(np.eye(3), (len(seen), 3, 3)),
-                fit_lag * by_lag[:, :, None],
-            ),
-            axis=2,
+        gained, derivatives[:, :, :3], derivatives[:, :, 3:6], derivatives[:, :, 6:9], by_lag = _model(
+            window, C_nb, found, lag
         )
-        design = (design * weight[:, :, None])[known]
-        residual = ((seen - gained) * weight)[known]
+        if fit_lag:
+            derivatives[:, :, 12] = by_lag
+        design[:count] = (derivatives * weight[:, :, None])[known]
+        design[count:] = damped
+        residual[:count] = ((seen - gained) * weight)[known]
         off = np.concatenate((np.zeros(3), prior - found, np.zeros(3), [-lag]))
-        design = np.concatenate((design, damped))
-        residual = np.concatenate((residual, damped @ off))
+        residual[count:] = damped @ off
         if not (np.isfinite(design).all() and np.isfinite(residual).all()):
             return np.inf, C_nb, prior, 0.0, np.eye(13) * _UNKNOWN_VARIANCE, np.inf
         # Impossible numbers of a damaged file may lead anywhere, but must stay finite.
         change = np.clip(np.linalg.lstsq(design, residual, rcond=1e-12)[0], -_MAX_CHANGE, _MAX_CHANGE)
         left = residual - design @ change
-        C_nb = Rotation.from_rotvec(change[:3]) * C_nb
+        C_nb = Rotation.from_rotvec(change[:3]).as_matrix() @ C_nb
         found = found + change[3:9]
-        lag = float(np.clip(lag + change[12], -_MAX_FITTED_LAG, _MAX_FITTED_LAG))
+        lag = min(max(lag + float(change[12]), -_MAX_FITTED_LAG), _MAX_FITTED_LAG)
         change[_VELOCITY] = 0.0  # found anew in each round
         moved = design @ change
         if moved @ moved < _SETTLED:
@@ -317,43 +321,93 @@ def _fit_window(
 
 
 def _model(
-    window: Window, C_nb: Rotation, bias: FloatArray, lag: float
+    window: Window, C_nb: FloatArray, bias: FloatArray, lag: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the velocity gained until each fix (m, 3), and its derivatives by the unknowns."""
-    dt = np.diff(window.time)[:, None]
-    half = quaternions(0.5 * (window.dtheta - bias[:3] * dt))
-    # The attitude in the middle of each step; a whole step is twice the half.
-    middle = product(running_products(product(half, half))[:, :-1], half)
-    C = C_nb.as_matrix() @ matrices(middle)
-    force = (C @ (window.dvelocity - bias[3:] * dt)[:, :, None])[:, :, 0]
-    cross = _cross(force)
-    C_dt = C * dt[:, :, None]
-    swing = running_sums(C_dt)  # ∫ C dt
-    columns = np.concatenate(
-        (
-            force + _G * dt,
-            cross.reshape(-1, 9),
-            # Up to the middle of each step: a gyro bias turns all later attitudes by ∫ C dt.
-            (cross @ (swing[1:] - 0.5 * C_dt)).reshape(-1, 9),
-        ),
-        axis=1,
-    )
+    sums = _sums(window, C_nb, bias)
     at = window.at + lag
-    place = np.clip(np.searchsorted(window.time, at, side="right") - 1, 0, len(dt) - 1)
-    part = ((at - window.time[place]) / dt[place, 0])[:, None]
-    here = running_sums(columns)[place] + part * columns[place]
-    by_rotation = -here[:, 3:12].reshape(-1, 3, 3)
-    by_gyro = here[:, 12:].reshape(-1, 3, 3)
-    by_force = -(swing[place] + part[:, :, None] * C_dt[place])
+    place = np.clip(np.searchsorted(window.time, at, side="right") - 1, 0, len(window.time) - 2)
+    dt = window.time[place + 1] - window.time[place]
+    step = sums[place + 1] - sums[place]
+    here = sums[place] + ((at - window.time[place]) / dt)[:, None] * step
+    by_rotation, by_gyro, swing = np.split(here[:, 3:].reshape(-1, 9, 3), 3, axis=1)
     # A lag moves the time of comparison: the derivative is the acceleration there.
-    by_lag = columns[place, :3] / dt[place]
-    return here[:, :3], by_rotation, by_gyro, by_force, by_lag
+    return here[:, :3], -by_rotation, by_gyro, -swing, step[:, :3] / dt[:, None]
 
 
-def _cross(vectors: FloatArray) -> FloatArray:
-    """Return the matrices (k, 3, 3) of cross products from the left."""
-    made = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    made[:, 0, 1], made[:, 0, 2], made[:, 1, 2] = -z, y, -x
-    made[:, 1, 0], made[:, 2, 0], made[:, 2, 1] = z, -y, x
-    return made
+def _sums(window: Window, C_nb: FloatArray, bias: FloatArray) -> FloatArray:
+    """Return the sums of `_sum_steps`."""
+    sums = np.zeros((len(window.time), 30))
+    given = (window.time, window.dtheta, window.dvelocity, C_nb, bias)
+    _compiled_sums()(*map(of_kernel, given), sums)
+    return sums
+
+
+@cache
+def _compiled_sums() -> Callable[..., None]:
+    """Return `_sum_steps` compiled, which takes a fiftieth of what NumPy needs for as many short arrays."""
+    from lab.base.compiling.compiled_cache import compile_cached  # noqa: PLC0415 - loads the compiler
+
+    options = {"nopython": True, "error_model": "numpy", "nogil": True, "_nrt": False}
+    return cast(Callable[..., None], compile_cached(_sum_steps, options))
+
+
+def _sum_steps(
+    time: FloatArray,
+    dtheta: FloatArray,
+    dvelocity: FloatArray,
+    C_nb: FloatArray,
+    bias: FloatArray,
+    sums: FloatArray,
+) -> None:
+    """Fill sums (k + 1, 30), the first of which are zeros, with those until the end of each step.
+
+    They are velocity, and ∫ [f ×] dt, ∫ [f ×] ∫ C dt dt and ∫ C dt by rows, of f and C in n.
+    """
+    a, b, c, d = 1.0, 0.0, 0.0, 0.0  # the quaternion of C_b0b
+    for k in range(len(dtheta)):
+        dt = time[k + 1] - time[k]
+        x = 0.5 * (dtheta[k, 0] - bias[0] * dt)
+        y = 0.5 * (dtheta[k, 1] - bias[1] * dt)
+        z = 0.5 * (dtheta[k, 2] - bias[2] * dt)
+        half = 0.5 * math.sqrt(x * x + y * y + z * z)
+        by = 0.5 * (math.sin(half) / half if half > 0.0 else 1.0)
+        w, x, y, z = math.cos(half), by * x, by * y, by * z
+        # The attitude in the middle of each step; a whole step is twice the half.
+        e, f, g, h = (
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        )
+        a, b, c, d = (
+            e * w - f * x - g * y - h * z,
+            e * x + f * w + g * z - h * y,
+            e * y - f * z + g * w + h * x,
+            e * z + f * y - g * x + h * w,
+        )
+        before, after = sums[k], sums[k + 1]
+        for i in range(3):
+            p, q, r = C_nb[i, 0], C_nb[i, 1], C_nb[i, 2]
+            C = (
+                p * (1 - 2 * (g * g + h * h)) + q * 2 * (f * g + e * h) + r * 2 * (f * h - e * g),
+                p * 2 * (f * g - e * h) + q * (1 - 2 * (f * f + h * h)) + r * 2 * (g * h + e * f),
+                p * 2 * (f * h + e * g) + q * 2 * (g * h - e * f) + r * (1 - 2 * (f * f + g * g)),
+            )
+            after[i] = 0.0
+            for j in range(3):
+                after[i] += C[j] * (dvelocity[k, j] - bias[3 + j] * dt)
+                after[21 + 3 * i + j] = before[21 + 3 * i + j] + C[j] * dt
+        for i in range(3):
+            j, n = (i + 1) % 3, (i + 2) % 3
+            after[3 + 4 * i] = before[3 + 4 * i]
+            after[3 + 3 * i + j] = before[3 + 3 * i + j] - after[n]
+            after[3 + 3 * i + n] = before[3 + 3 * i + n] + after[j]
+            for m in range(3):
+                # Up to the middle of each step: a gyro bias turns all later attitudes by ∫ C dt.
+                swing_j = 0.5 * (before[21 + 3 * j + m] + after[21 + 3 * j + m])
+                swing_n = 0.5 * (before[21 + 3 * n + m] + after[21 + 3 * n + m])
+                after[12 + 3 * i + m] = before[12 + 3 * i + m] + after[j] * swing_n - after[n] * swing_j
+        for i in range(3):
+            after[i] += before[i]
+        after[2] += STANDARD_GRAVITY * dt

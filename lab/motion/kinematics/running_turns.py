@@ -51,13 +51,3 @@ def product(one: Quaternions, other: Quaternions) -> Quaternions:
     made[0] = a * c - b * d.conj()
     made[1] = a * d + b * c.conj()
     return made
-
-
-def matrices(quaternions: Quaternions) -> FloatArray:
-    """Return the rotation matrices (k, 3, 3) of unit quaternions (2, k)."""
-    (w, y), (x, z) = quaternions.real, quaternions.imag
-    xx, yy, zz, xy, xz, yz, wx, wy, wz = 2.0 * np.stack(
-        (x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z)
-    )
-    rows = (1 - yy - zz, xy - wz, xz + wy, xy + wz, 1 - xx - zz, yz - wx, xz - wy, yz + wx, 1 - xx - yy)
-    return np.stack(rows, axis=-1).reshape(-1, 3, 3)

@@ -48,11 +48,11 @@ def window() -> Window:
 
 def test_the_derivatives_are_those_of_the_velocity(window: Window) -> None:
     rng = np.random.default_rng(1)
-    C_nb, bias = Rotation.from_rotvec(rng.normal(0.0, 1.0, 3)), rng.normal(0.0, 0.02, 6)
+    C_nb, bias = Rotation.from_rotvec(rng.normal(0.0, 1.0, 3)).as_matrix(), rng.normal(0.0, 0.02, 6)
 
     def gained(change: NDArray[np.float64]) -> NDArray[np.float64]:
-        turned_by = Rotation.from_rotvec(change[:3])
-        return velocity_matching._model(window, turned_by * C_nb, bias + change[3:9], 0.03 + change[9])[0]
+        turned_by = Rotation.from_rotvec(change[:3]).as_matrix()
+        return velocity_matching._model(window, turned_by @ C_nb, bias + change[3:9], 0.03 + change[9])[0]
 
     _, *derivatives, by_lag = velocity_matching._model(window, C_nb, bias, 0.03)
     by_each = np.concatenate((*derivatives, by_lag[:, :, None]), axis=2)
