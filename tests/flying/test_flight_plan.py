@@ -15,7 +15,9 @@ from lab.base.parameters.toml_file import toml_text
 from lab.flying.aircraft import AIRCRAFT
 from lab.flying.flight_plan import AirStart, Runway
 from lab.flying.manoeuvres import MANOEUVRES, Climb, Descend, Hold, TakeOff, Turn
+from lab.flying.motion_commands import MotionCommand, MotionPlan, MotionStart
 from lab.flying.plan_table import entries
+from lab.flying.waypoints import Waypoint, WaypointPlan
 from lab.flying.weather import Air, Gust
 from lab.missions import FlightPlan, MissionError
 
@@ -168,13 +170,44 @@ def test_what_is_wrong_with_a_start_in_the_air_is_named(plan, message):
         FlightPlan.from_dict(plan)
 
 
-@pytest.mark.parametrize("kind", [FlightPlan, Runway, AirStart, Air, Gust, *MANOEUVRES.values()])
+UNITS = {
+    "deg": "°", "m": "m", "s": "s", "seconds": "s", "k": "K", "m_s": "m/s", "deg_s": "°/s", "m_s2": "m/s²",
+    "deg_s2": "°/s²",
+}  # fmt: skip
+"""What the names of fields end with, and the unit that is shown."""
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that the name of a field ends with; empty without one."""
+    words = name.split("_")
+    ends = ("_".join(words[first:]) for first in range(len(words)))
+    return next((UNITS[end] for end in ends if end in UNITS), "")
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *(FlightPlan, Runway, AirStart, Air, Gust, *MANOEUVRES.values()),
+        *(Waypoint, WaypointPlan, MotionStart, MotionCommand, MotionPlan),
+    ],
+)
 def test_every_entry_says_what_it_is(kind):
     assert kind.__doc__
     for field in dataclasses.fields(kind):
-        if field.name not in {"manoeuvres", "runway", "air_start", "air", "gusts"}:
+        if field.name not in {
+            "manoeuvres",
+            "runway",
+            "air_start",
+            "air",
+            "gusts",
+            "waypoints",
+            "commands",
+            "start",
+        }:
             entry = entries(kind)[field.name]
             assert entry.label[0].isupper()
+            # A command's angles and speeds have no unit in their names: its type decides what they are.
+            assert entry.unit == unit_of(field.name) or kind is MotionCommand
             assert entry.doc.endswith(".")
             assert entry.choices or entry.limits[0] < entry.limits[1]
             if field.default not in {dataclasses.MISSING, None}:
