@@ -85,7 +85,9 @@ def mutants(file: Path, source: bytes) -> Iterator[Mutant]:
         elif isinstance(node, ast.BoolOp):
             yield from between(node.values[0], node.values[1], node.op)
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.USub):
-            yield Mutant(file, node.lineno, begin(node), begin(node.operand), "")
+            # Only the sign or the word: a parenthesis after it closes behind the operand.
+            sign = len("not") if isinstance(node.op, ast.Not) else len("-")
+            yield Mutant(file, node.lineno, begin(node), begin(node) + sign, "")
         elif isinstance(node, ast.Constant) and type(node.value) in {int, float, bool}:
             yield Mutant(file, node.lineno, begin(node), end(node), repr(_other(node.value)))
         elif isinstance(node, ast.Call) and len(node.args) > 1:
