@@ -197,10 +197,7 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     }
     top = max(gains, key=lambda name: gains[name])
     factor = likeliest / drive if drive else np.inf
-    if (
-        gains[top] > max(gain - limits.VERDICT.likelihood_ratio, limits.VERDICT.likelihood_ratio)
-        and gains[top] > limits.VERDICT.likelihood_ratio
-    ):
+    if gains[top] > max(gain - limits.VERDICT.likelihood_ratio, limits.VERDICT.likelihood_ratio):
         column = candidates[top][1]
         estimate = estimates(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), (0, column))[:, 1:]
         return [_state_finding(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
