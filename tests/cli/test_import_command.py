@@ -143,7 +143,12 @@ def test_a_long_gap_of_the_imu_is_told_when_the_log_is_added(tmp_path: Path) -> 
     paths = [str(tmp_path / name) for name in ("imu.csv", "gnss.csv")]
     answer = ask("import", *paths, "--as", "log", "--name", "gap")
     assert answer.exit_code == 0, answer.output
-    assert "The IMU has 1 gap of more than 2 s, up to 6" in " ".join(answer.stdout.split())
+    said = "The IMU has 1 gap of more than 2 s, up to 6"
+    assert said in " ".join(answer.stdout.split())
+    asked = ask("import", *paths, "--as", "log", "--name", "gap of a car", "--vehicle", "car", "--json")
+    facts = json.loads(asked.stdout)
+    assert (facts["added"], facts["vehicle"]) == ("gap of a car", "car")
+    assert any(said in repair for repair in facts["repairs"])
 
 
 def test_what_cannot_be_imported_is_answered_with_what_can(tmp_path: Path, flight: Path) -> None:

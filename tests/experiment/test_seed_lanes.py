@@ -301,6 +301,18 @@ def test_the_memory_of_many_runs_is_that_of_few() -> None:
     assert sizes[1] - sizes[0] < 900 * 250
 
 
+def test_the_samples_that_are_asked_for_change_nothing() -> None:
+    """A fix updates at its own sample, whether or not anything is stored there."""
+    lanes = SeedLanes.of(of({}))
+    assert lanes is not None
+    few, many = np.array([501, 1507]), np.arange(0, 1508)
+    for some, every in zip(lanes.navigate((4, 2), few), lanes.navigate((4, 2), many), strict=True):
+        assert some is not None
+        assert every is not None
+        np.testing.assert_array_equal(some.solution.position, every.solution.position[few])
+        np.testing.assert_array_equal(some.solution.variance, every.solution.variance[few])
+
+
 SATURATED: dict[str, object] = {"sensors.gyro.range": 1.0, "sensors.accelerometer.range": 1.01}
 QUANTISED: dict[str, object] = {
     "sensors.gyro.quantisation": 0.05,
@@ -322,12 +334,17 @@ DRIFTING: dict[str, object] = ALIGNED | {
     "sensors.accelerometer.scale_temperature": 0.01,
     "sensors.temperature.profile": "warm_up",
 }
+SHAKEN: dict[str, object] = {
+    "sensors.accelerometer.vibration_density": 100.0,
+    "sensors.gyro.g_sensitivity": 0.01,
+}
+"""Errors of both triads that are not simulated abreast."""
 
 
 @pytest.mark.parametrize(
     "changes",
-    [SATURATED, QUANTISED, ALIGNED, DRIFTING],
-    ids=["saturated", "quantised", "aligned", "drifting"],
+    [SATURATED, QUANTISED, ALIGNED, DRIFTING, ALIGNED | SHAKEN],
+    ids=["saturated", "quantised", "aligned", "drifting", "aligned and shaken"],
 )
 def test_sensors_abreast_measure_what_those_of_a_run_alone_do(changes: dict[str, object]) -> None:
     experiment = of(changes)

@@ -10,6 +10,7 @@ from live_batch import NO_FIXES, TOLERANCE, navigator, solution_of, suite
 from live_rows import HOST, RATE, driven, feed
 
 from lab.base.parameters.setting_error import SettingError
+from lab.data.log.sensor_log import MIN_OVERLAP
 from lab.data.streams.axis_map import AxisMap
 from lab.live import live_navigator
 from lab.live.live_navigator import LiveNavigator
@@ -143,6 +144,19 @@ def test_nothing_came():
     live.finish()
     assert (live.state.phase, live.since()[1].time.size) == ("waiting", 0)
     assert "No sample" in live.state.reason
+
+
+def test_a_start_is_sought_as_soon_as_the_imu_and_the_receiver_have_enough_in_common():
+    """At whole times, which have no rounding: after exactly 5 s, no 5 s are missing."""
+    imu, fixes, _ = driven(period=1.0)
+    fixes["time"] = fixes["arrival"] = HOST + 12.0 + np.arange(fixes.size)
+    said = {}
+    for last in (5, 6):
+        live = navigator()
+        live.feed(imu[: 1100 + 100 * last], fixes[:last])
+        said[last] = live.state.reason
+    assert f"IMU and GPS have 4 s in common; it takes {MIN_OVERLAP:g} s" in said[5]
+    assert "in common" not in said[6]
 
 
 def test_the_course_of_an_unknown_vehicle_is_compared_first():

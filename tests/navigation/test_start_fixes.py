@@ -18,8 +18,9 @@ from lab.missions import read_sensor_log
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import euler_from_quaternion, wrap
 from lab.navigation.checks import DivergedError
-from lab.navigation.log_navigation import navigate_log
+from lab.navigation.log_navigation import navigate_log, start_fixes
 from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Fixes
 from lab.sensors.suite import SensorSuite
 
 ARM = np.zeros(3)
@@ -61,6 +62,22 @@ def positions_only(start, rate, seed, vehicle="car"):
         repairs=(),
         auxiliary=AuxiliaryData(vehicle=vehicle),
     )
+
+
+@pytest.mark.parametrize(("seconds", "used"), [(0.9, 4), (1.2, 2), (2.1, 3)])
+def test_the_start_uses_positions_a_second_apart_as_soon_as_there_are_two(seconds: float, used: int) -> None:
+    """Differences over 0.3 s would have three times the noise; within one second there are no others."""
+    time = np.arange(0, seconds + 0.1, 0.3)
+    north = np.column_stack((10.0 * time / 6.37e6, np.zeros((time.size, 2))))
+    fixes, sigma = start_fixes(
+        Fixes(time, north, np.zeros((time.size, 3))),
+        np.full((time.size, 3), np.nan),
+        np.tile((4.0, 4.0, 4.0, 1.0, 1.0, 1.0), (time.size, 1)),
+    )
+    assert fixes.time.size == len(sigma) == used
+    if used < time.size:
+        assert np.diff(fixes.time).min() > 0.89
+        np.testing.assert_allclose(fixes.velocity_n[:, 0], 10.0, rtol=0.01)
 
 
 @pytest.mark.parametrize("seed", [1, 2])

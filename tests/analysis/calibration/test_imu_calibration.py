@@ -131,6 +131,17 @@ def test_a_log_that_moved_or_rests_too_seldom_is_refused(how: dict[str, object],
         calibrate(find_rests(*bench(rng, errors(rng), **how)), "bench")  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("triad", "sigma"), [(0, 5e-3), (1, 0.1)], ids=["turns", "shakes"])
+def test_a_rest_much_louder_than_the_others_is_none(triad: int, sigma: float) -> None:
+    """A hand holds it for once: six times the noise of the others [rad/s], [m/s²], and far below a motion."""
+    rng = np.random.default_rng(9)
+    samples = bench(rng, errors(rng))
+    quiet = find_rests(*samples)
+    held = (samples[triad].time > quiet.begin[4]) & (samples[triad].time < quiet.end[4])
+    samples[triad].values[held] += rng.normal(scale=sigma, size=(int(held.sum()), 3))
+    np.testing.assert_allclose(find_rests(*samples).begin, np.delete(quiet.begin, 4))
+
+
 @pytest.mark.parametrize("scale", [1 / 9.80665, 0.0])
 def test_a_wrong_unit_is_refused(scale: float) -> None:
     rng = np.random.default_rng(7)

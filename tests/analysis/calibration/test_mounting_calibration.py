@@ -27,6 +27,11 @@ def calibrated(folder: Path, seed: int, pitch: float, yaw: float, **of_road: flo
 def test_small_angles_are_found_and_wheels_help_with_them(tmp_path: Path) -> None:
     log, found = calibrated(tmp_path, 3, -0.4, 0.5)
     pitch, yaw, place = found.terms
+    assert [(term.group, term.name, term.axis, term.unit) for term in found.terms] == [
+        ("mounting", "angle", "pitch", "°"),
+        ("mounting", "angle", "yaw", "°"),
+        ("mounting", "place that does not slip", "forward", "m"),
+    ]
     assert abs(pitch.value + 0.4) < 4 * pitch.sigma
     assert abs(yaw.value - 0.5) < 4 * yaw.sigma
     assert max(pitch.sigma, yaw.sigma) < 0.1

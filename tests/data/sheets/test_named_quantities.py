@@ -378,6 +378,20 @@ def test_damaged_stamps_and_attitudes_end_nothing(tmp_path, stamp, value):
     assert apart(flight.euler[:90], flown.euler[:90]) < 0.1
 
 
+def test_an_attitude_of_the_smaller_part_of_a_flight_is_named_and_not_used(tmp_path):
+    """An estimator that starts late writes zeros before; the rest show the length of its quaternions."""
+    flown, names = Flight(), ("q0", "q1", "q2", "q3")
+    quaternions = flown.quaternion * 16384
+    quaternions[: 6 * len(quaternions) // 10] = 0.0
+    flight = read_raw(
+        flown.write(tmp_path / "a.csv", flown.placed() | dict(zip(names, quaternions.T, strict=True)))
+    )
+    assert flight.euler is None
+    said = " ".join(flight.remarks)
+    assert "Attitude: q0, q1, q2, q3" in said
+    assert "it is known at too few points" in said
+
+
 def test_accuracies_without_a_fix_are_refused(tmp_path):
     flown = Flight()
     columns = flown.placed() | {"hAcc": flown.time}
