@@ -13,7 +13,7 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from types import FrameType
 from weakref import WeakKeyDictionary, WeakMethod
 
@@ -84,7 +84,7 @@ def end_on_signals(
     loop: asyncio.AbstractEventLoop,
     sessions: Callable[[], Iterable[ServerSession]],
     leave: Callable[[], None],
-    clean: Sequence[Callable[[], None]],
+    clean: Iterator[Callable[[], None]],
 ) -> None:
     """Part from the pages when the system ends this process, clean up, and exit; even during a computation.
 
@@ -97,7 +97,8 @@ def end_on_signals(
     leave
         Writes what the next server takes over.
     clean
-        What must be cleaned up in any case.
+        Functions that clean up in any case. Each is called once, though a second signal may interrupt it:
+        called again, one that waits for a process would wait for itself.
     """
 
     def exit_now(number: int) -> None:

@@ -179,7 +179,7 @@ def serve_part(
     trust_proxies(laboratory.proxies)
     admit_holders(laboratory.port, [bytes.fromhex(one) for one in start.secrets.teachers])
     warming = Warming() if laboratory.warm else None
-    clean = [remove_all_here, *([warming.end] if warming else ())]
+    clean = iter([remove_all_here, *([warming.end] if warming else ())])
     loop: Any = IOLoop.current()
     give_files_of_loaded_components(PACKAGES)
     outlive_exits(loop)

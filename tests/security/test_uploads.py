@@ -103,7 +103,7 @@ from dashboards.ending import end_on_signals
 from dashboards.upload import Upload, remove_all_here
 
 async def stand():
-    end_on_signals(asyncio.get_running_loop(), list, lambda: None, [remove_all_here])
+    end_on_signals(asyncio.get_running_loop(), list, lambda: None, iter([remove_all_here]))
     kept = Upload(print, print)
     kept._process_chunk({"name": "a.csv", "chunk": 1, "data": b"flight"})
     print("there", flush=True)
