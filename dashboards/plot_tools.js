@@ -24,7 +24,6 @@ const DOTS_WIDTH = {mouse: 30, finger: 44}  // of the menu of a plot, which a mo
 const EM = 13  // the size of letters to which those of a title are relative, in Bokeh [px]
 const QUIET = 60  // without a repaint, plots are looked at again, for their legend and values [ms]
 const POINTED = 250  // the same under a pointer, whose moves repaint all plots, on a slow computer a few times a second
-const SLOP = 8  // a finger that moves less has not moved [px]
 
 const in_one_line = new WeakMap()  // titles of several lines: how they are written, and what they say
 const words_of = ({title}) => (in_one_line.get(title)?.text === title?.text ? in_one_line.get(title)?.words : title.text)
@@ -65,54 +64,6 @@ function fit(view) {
     view.unpause(true)
   } else if (!place?.has_size_changed()) return
   view.request_layout(true)
-}
-
-// One finger scrolls the page; across a plot that shows a stretch of time, as after a pinch, it moves along the time. To
-// Bokeh, it would drag a box, as a mouse does: Bokeh hears of a finger that moves only when there is another one.
-function follow_finger(view) {
-  const {model: {x_range}, canvas: {events_el}} = view, fingers = new Set()
-  let from = null
-  // A browser reads `touch-action` when a finger comes down, so it always follows the stretch that is shown.
-  const touch = () => {
-    const [first, last] = x_range.computed_bounds ?? x_range.bounds ?? [-Infinity, Infinity]
-    const is_part = x_range.start > first || x_range.end < last
-    events_el.style.touchAction = is_part ? "pan-y" : "pan-x pan-y"
-    return is_part ? [first, last] : null
-  }
-  view.on_change([x_range.properties.start, x_range.properties.end], touch)
-  touch()
-  view.el.addEventListener("pointerdown", ({pointerType, pointerId, clientX}) => {
-    if (pointerType !== "touch") return
-    // Two fingers pinch, which Bokeh does by itself.
-    fingers.add(pointerId)
-    from = fingers.size === 1 && touch() ? {x: clientX, start: x_range.start, end: x_range.end, moves: false} : null
-  }, true)
-  view.el.addEventListener("pointermove", (event) => {
-    const {pointerType, clientX} = event
-    if (pointerType !== "touch" || fingers.size > 1) return
-    event.stopPropagation()
-    // The event is stopped even so: Bokeh must not see a single finger that moves.
-    if (from === null) return
-    from.moves ||= Math.abs(clientX - from.x) > SLOP
-    if (!from.moves) return
-    const [first, last] = touch() ?? [from.start, from.end]
-    const wanted = (from.x - clientX) / view.frame.bbox.width * (from.end - from.start)
-    const by = Math.min(Math.max(wanted, first - from.start), last - from.end)
-    x_range.setv({start: from.start + by, end: from.end + by})
-  }, true)
-  for (const kind of ["pointerup", "pointercancel"]) {
-    view.el.addEventListener(kind, (event) => {
-      const {pointerId} = event
-      if (from?.moves) {  // it was no tap
-        from = null
-        event.stopPropagation()
-        // Bokeh has seen the finger come down, and must not wait for its end, which would count as a tap.
-        events_el.dispatchEvent(new PointerEvent("pointercancel", {pointerId}))
-      }
-      from = null
-      fingers.delete(pointerId)
-    }, true)
-  }
 }
 
 function digits(value) {
@@ -473,7 +424,6 @@ export function render({model}) {
         pointed = time = null
         ask()
       })
-      if (over_time(view)) follow_finger(view)
       view.repainted.connect(() => {  // with new data, or with another cursor
         ask()
         again(time === null ? QUIET : POINTED)

@@ -166,11 +166,61 @@
   const {GlyphRendererView} = Bokeh.require("models/renderers/glyph_renderer");
   Object.defineProperty(GlyphRendererView.prototype, "needs_clip", {configurable: true, get: () => true});
 
+  // One finger scrolls the page; across a plot that shows a stretch of time, as after a pinch, it moves along the time.
+  // To Bokeh, it would drag a box, as a mouse does: Bokeh hears of a finger that moves only when there is another one.
+  const SLOP = 8;  // a finger that moves less has not moved [px]
+  function follow_finger(view) {
+    const {model: {x_range}, canvas: {events_el}} = view, fingers = new Set();
+    let from = null;
+    // A browser reads `touch-action` when a finger comes down, so it always follows the stretch that is shown.
+    const touch = () => {
+      const [first, last] = x_range.computed_bounds ?? x_range.bounds ?? [-Infinity, Infinity];
+      const is_part = x_range.start > first || x_range.end < last;
+      events_el.style.touchAction = is_part ? "pan-y" : "pan-x pan-y";
+      return is_part ? [first, last] : null;
+    };
+    view.on_change([x_range.properties.start, x_range.properties.end], touch);
+    touch();
+    view.el.addEventListener("pointerdown", ({pointerType, pointerId, clientX}) => {
+      if (pointerType !== "touch") { return; }
+      // Two fingers pinch, which Bokeh does by itself.
+      fingers.add(pointerId);
+      from = fingers.size === 1 && touch() ? {x: clientX, start: x_range.start, end: x_range.end, moves: false} : null;
+    }, true);
+    view.el.addEventListener("pointermove", (event) => {
+      const {pointerType, clientX} = event;
+      if (pointerType !== "touch" || fingers.size > 1) { return; }
+      event.stopPropagation();
+      // The event is stopped even so: Bokeh must not see a single finger that moves.
+      if (from === null) { return; }
+      from.moves ||= Math.abs(clientX - from.x) > SLOP;
+      if (!from.moves) { return; }
+      const [first, last] = touch() ?? [from.start, from.end];
+      const wanted = (from.x - clientX) / view.frame.bbox.width * (from.end - from.start);
+      const by = Math.min(Math.max(wanted, first - from.start), last - from.end);
+      x_range.setv({start: from.start + by, end: from.end + by});
+    }, true);
+    for (const kind of ["pointerup", "pointercancel"]) {
+      view.el.addEventListener(kind, (event) => {
+        const {pointerId} = event;
+        if (from?.moves) {  // it was no tap
+          from = null;
+          event.stopPropagation();
+          // Bokeh has seen the finger come down, and must not wait for its end, which would count as a tap.
+          events_el.dispatchEvent(new PointerEvent("pointercancel", {pointerId}));
+        }
+        from = null;
+        fingers.delete(pointerId);
+      }, true);
+    }
+  }
+
   // Bokeh has no list of the plots of a page, for what all plots share (plot_tools.js).
   const plots = window.insLabPlots = new Set();
   const render_plot = original(PlotView, "render");
   PlotView.prototype.render = function() {
     render_plot.call(this);
+    if (!plots.has(this) && this.model.x_range?.name === "time axis") { follow_finger(this); }
     plots.add(this);
     plots.added?.(this);
   };
