@@ -98,8 +98,8 @@ def test_advice_on_one_wrong_matrix_is_given(seed, change):
     experiment = Experiment(seed=seed)
     experiment.update({"navigator": change})
     verdict = experiment.run().tried_verdict
-    assert all("Tried" in finding.advice for finding in verdict.findings)
-    assert verdict.findings
+    assert all(finding.changes for finding in verdict.findings)  # none was withheld
+    assert "Tried" in verdict.findings[-1].advice
 
 
 def test_changes_are_applied_to_what_the_filter_assumed():
@@ -229,10 +229,10 @@ def test_what_one_fault_hides_of_another_is_tried_together() -> None:
     result = experiment.run()
     verdict = result.tried_verdict
     assert len(verdict.findings) > 1
-    assert all("Tried, all advice together: NIS" in finding.advice for finding in verdict.findings)
+    effects = ["Tried, all advice together: NIS" in finding.advice for finding in verdict.findings]
+    assert effects == [False] * (len(effects) - 1) + [True]  # once is enough
     before = trial.figures(result)
-    changes = tuple(change for finding in verdict.findings for change in finding.changes)
-    after = trial.figures(trial.apply_changes(result, changes).run())
+    after = trial.figures(trial.apply_changes(result, verdict.changes).run())
     assert abs(np.log(after.nis)) < abs(np.log(before.nis)) / 2
     latency = next(finding for finding in verdict.findings if finding.quantity == "GPS latency")
     assert trial.describe_worsened(before, trial.figures(trial.apply_changes(result, latency.changes).run()))

@@ -217,6 +217,8 @@ class Verdict(NotebookCard):
         tried.
     note
         What a consistent filter knows to be wrong with its data: it stands first in the headline.
+    together
+        Whether the advice on all findings was tried in one run: what helped is all of it.
     """
 
     CARD: ClassVar[str] = "verdict"
@@ -226,6 +228,7 @@ class Verdict(NotebookCard):
     basis: str
     suggestions: tuple[Suggestion, ...] = ()
     note: Finding | None = None
+    together: bool = False
 
     @property
     def consistent(self) -> bool | None:
@@ -234,7 +237,12 @@ class Verdict(NotebookCard):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """The changes of settings of the first advice that has any; of tried advice, only what helped has."""
+        """The changes of settings of the first advice that has any; of tried advice, only what helped has.
+
+        Those of all findings, if they were tried together.
+        """
+        if self.together:
+            return tuple(change for one in self.findings for change in one.changes)
         named: tuple[Finding | Suggestion, ...] = (*self.findings, *self.suggestions)
         return next((one.changes for one in named if one.changes), ())
 

@@ -122,9 +122,9 @@ def try_advice(
     together = _describe_joint_effect(with_changes, runs, before, tell) if len(with_changes) > 1 else ""
     found, useless = [], []
     for number, finding in enumerate(verdict.findings):
-        if not finding.changes:
+        if not finding.changes or (together and finding is not with_changes[-1]):
             found.append(finding)
-        elif together:
+        elif together:  # the effect of all advice stands once, behind the last of it
             found.append(replace(finding, advice=_describe_row("better together", finding, effect=together)))
         else:
             tell(_TRYING, (number + 1) / (len(verdict.findings) + 1))
@@ -134,7 +134,7 @@ def try_advice(
     for again in useless[1:]:  # once is enough
         found[again] = replace(found[again], advice="")
     findings = tuple(found)
-    return Verdict(headline(findings, verdict.headline), findings, verdict.basis)
+    return Verdict(headline(findings, verdict.headline), findings, verdict.basis, together=bool(together))
 
 
 def _describe_joint_effect(
