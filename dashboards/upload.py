@@ -148,7 +148,9 @@ class Upload(pmui.FileInput):
             if self._temporary is not None:
                 shutil.rmtree(self._folder / str(self._number + 1), ignore_errors=True)
             self._refused(problem)
-        elif paths:
+        elif not paths:  # a browser cuts a file without content into no pieces
+            self._refused("The file is empty; accepted are files with content.")
+        else:
             shutil.rmtree(self._folder / str(self._number), ignore_errors=True)
             self._number += 1
             self._arrived(paths)

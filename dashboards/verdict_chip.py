@@ -18,7 +18,7 @@ from dashboards.sending import soon, together
 from dashboards.session import Session
 from dashboards.style import plain_column, wide_html
 from dashboards.widgets import SETTING
-from lab.analysis.verdicts.finding import Change, Finding, Verdict
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, format_number
 from lab.analysis.verdicts.finding_table import LINEAR_MODEL
 from lab.analysis.verdicts.trial import apply_changes, can_be_tried
 from lab.base.parameters.setting_error import SettingError
@@ -283,10 +283,10 @@ def named(verdict: Verdict) -> str:
 def _short(finding: Finding) -> str:
     if finding.quantity == LINEAR_MODEL:
         return "Beyond the linear model"
-    quantity = as_seen(finding.quantity)
+    quantity = as_seen(finding.quantity).replace("P0", "P₀")
     quantity = quantity[:1].upper() + quantity[1:]
     if finding.direction in ("too small", "too large") and np.isfinite(finding.factor):
-        return f"{quantity} {finding.factor:.2g} × {finding.direction}"
+        return f"{quantity} {format_number(finding.factor)} × {finding.direction}"
     return f"{quantity} {finding.direction}"
 
 

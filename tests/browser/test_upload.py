@@ -104,6 +104,18 @@ def test_what_the_browser_refuses_is_said_and_leaves_the_files_of_before(
     assert files(tmp_path) == inbox.paths
 
 
+def test_a_file_without_content_is_refused_and_leaves_the_files_of_before(
+    inbox: Inbox, tmp_path: Path
+) -> None:
+    """A browser cuts it into no pieces, and says all the same that it sent all."""
+    inbox.send(("a.csv", 1, b"sound"))
+    kept = list(inbox.paths)
+    inbox.send()
+    assert len(inbox.refusals) == 1
+    assert "empty" in inbox.refusals[0]
+    assert files(tmp_path) == kept
+
+
 def test_after_the_session_nothing_is_taken(inbox: Inbox, tmp_path: Path) -> None:
     inbox.send(("a.csv", 1, b"x"))
     inbox.widget.delete()

@@ -66,6 +66,11 @@ def test_a_chip_names_the_first_finding_and_counts_the_others() -> None:
     fine = Verdict("Consistent: errors are as large as the filter says.", (), "one run")
     wrong = (finding("Q", "too small", 9.87), finding("GPS latency", "not modelled", 0.3))
     assert named(fine) == "● Consistent"
+    large = (finding("Q", "too large", 99.6), finding("P0", "too small", 12_345.0))
+    assert [named(Verdict("A sentence.", (one,), "one run")) for one in large] == [
+        "● Q 100 × too large",
+        "● P₀ 12000 × too small",
+    ]
     assert named(Verdict("A sentence. (1 more)", wrong, "one run")) == "● Q 9.9 × too small +1"
     assert named(Verdict("A sentence.", wrong[1:], "one run")) == "● GPS latency not modelled"
     linear = finding("linear model", "not modelled", 0.66)

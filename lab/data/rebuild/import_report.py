@@ -231,7 +231,7 @@ def _time(flight: RepairedFlight) -> Iterator[tuple[str, str]]:
     if flight.method != AS_RECORDED:
         text += f", moved by {1000 * flight.moved_rms:.3g} ms rms, {1000 * flight.moved_max:.3g} ms at most"
     if flight.calmed < 1:
-        text += f"; the roughness of the motion falls to {100 * flight.calmed:.2g} %"
+        text += f"; the roughness of the motion falls to {100 * flight.calmed:.3g} %"
     yield "Stamps", text
     yield "Gaps", _gaps(flight)
     if flight.raw.resets:
