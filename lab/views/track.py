@@ -89,6 +89,8 @@ class TrackFigure:
         )
         tooltips = [("time", "@time{0.0} s"), ("east", "@east{0.0} m"), ("north", "@north{0.0} m")]
         fig.add_tools(HoverTool(renderers=[estimated, fixes], tooltips=tooltips))
+        for axis in (fig.x_range, fig.y_range):
+            axis.update(renderers=[estimated, true, fixes])  # a held flight may be on another continent
         legend = add_legend(fig, {"estimate": estimated, "truth": true, "GPS fixes": fixes}, "below")
         self._truth_entry = legend["truth"]
 

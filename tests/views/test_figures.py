@@ -143,6 +143,10 @@ def test_the_track_is_in_metres_from_the_start(result: Result) -> None:
     assert track._ends.data["east"][1] == pytest.approx(track._estimated.data["east"][-1], rel=1e-6)
     assert np.array_equal(track._held.data["north"][0], track._estimated.data["north"])
     assert track.figure.match_aspect
+    # A held flight on another continent leaves the axes as they are.
+    for axis in (track.figure.x_range, track.figure.y_range):
+        shown = [one.data_source for one in axis.renderers]
+        assert track._estimated in shown and track._held not in shown
     sent = track._true.data
     track.show(result, 0.0)
     assert track._true.data is sent, "the same truth is not sent again"
