@@ -143,9 +143,12 @@ TITLES = """[...insLabPlots].map(({model, bbox, frame, renderer_views}) => [
 """Of each plot, whether its title has two lines, leaves room for the menu, and is whole above its curves."""
 CUT = """[...insLabPlots].some(({bbox, canvas_view: {primary: {ctx}}}) => {
   const {data} = ctx.getImageData(bbox.width / 4, 0, bbox.width / 2, 1);
-  return data.some((value, index) => index % 4 < 3 && value < 250);
+  return data.some((value, index) => index % 4 < 3 && value < 250 && data[index | 3] > 0);
 })"""
-"""Whether a line of a title has been painted across the upper edge of a plot, of which a trace stays."""
+"""Whether a line of a title has been painted across the upper edge of a plot, of which a trace stays.
+
+A plot that is not painted yet has no opaque pixel: its black is none.
+"""
 
 
 @pytest.fixture(scope="module")
