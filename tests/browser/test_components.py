@@ -54,8 +54,9 @@ def test_a_text_that_the_server_replaced_is_not_sent_back(shared_page: Page) -> 
     """It undid later steps of the slider to which the box belongs, where the browser was slow."""
     page = shared_page
     wait_for(page, f"{BOXES}.length >= 10")  # a box is drawn some time after the server has sent it
-    remember(page, "boxes", BOXES)
+    remember(page, "boxes", f"{BOXES}.filter((_, place) => place % 4 === 0)")  # they are of few components
     kept = page.evaluate(TOLD_TWICE)
+    assert len(kept) >= 3
     assert kept == ["second"] * len(kept)
     wait_for(page, IDLE)
     assert page.evaluate("location.search") == ERRORS

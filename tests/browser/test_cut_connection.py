@@ -168,25 +168,6 @@ def test_a_change_that_the_server_did_not_hear_any_more_is_made_after_the_cut(
     expect(noise).to_have_value("0.4")
 
 
-def test_what_compare_computes_goes_on_after_a_cut(wired: tuple[Page, Wire]) -> None:
-    page, wire = wired
-    show(page, "Compare")
-    page.get_by_role("button", name="Seeds", exact=True).click()
-    page.get_by_role("textbox", name="Number of seeds").fill("3")
-    page.get_by_role("textbox", name="Number of seeds").press("Enter")
-    page.get_by_role("button", name="A sweep", exact=True).click()
-    page.get_by_role("textbox", name="Seeds of each").fill("2")
-    page.get_by_role("textbox", name="Seeds of each").press("Enter")
-    page.get_by_role("button", name="Run the sweep").click()
-    wait_for(page, "/sweep.*axes.*q_scale/.test(sessionStorage.getItem(`ins-lab-kept ${location.pathname}`))")
-    wire.cut()
-    expect(
-        page.get_by_role("heading", name="Mean of 3 seeds").or_(page.get_by_text("Mean of 3 seeds"))
-    ).to_be_visible()
-    about = page.get_by_text("Line: mean over the seeds")  # below the curves
-    expect(about).to_be_in_viewport()
-
-
 def test_an_upload_that_is_cut_is_named_once_the_page_is_back(wired: tuple[Page, Wire]) -> None:
     page, wire = wired
     show(page, "Missions")
@@ -204,6 +185,26 @@ def test_an_upload_that_is_cut_is_named_once_the_page_is_back(wired: tuple[Page,
     wire.cut()
     wait_for(page, WHOLE)
     expect(alert).to_have_count(0)
+
+
+def test_what_compare_computes_goes_on_after_a_cut(wired: tuple[Page, Wire]) -> None:
+    """Last of those that share the page: after each cut, all of it is computed again."""
+    page, wire = wired
+    show(page, "Compare")
+    page.get_by_role("button", name="Seeds", exact=True).click()
+    page.get_by_role("textbox", name="Number of seeds").fill("3")
+    page.get_by_role("textbox", name="Number of seeds").press("Enter")
+    page.get_by_role("button", name="A sweep", exact=True).click()
+    page.get_by_role("textbox", name="Seeds of each").fill("2")
+    page.get_by_role("textbox", name="Seeds of each").press("Enter")
+    page.get_by_role("button", name="Run the sweep").click()
+    wait_for(page, "/sweep.*axes.*q_scale/.test(sessionStorage.getItem(`ins-lab-kept ${location.pathname}`))")
+    wire.cut()
+    expect(
+        page.get_by_role("heading", name="Mean of 3 seeds").or_(page.get_by_text("Mean of 3 seeds"))
+    ).to_be_visible()
+    about = page.get_by_text("Line: mean over the seeds")  # below the curves
+    expect(about).to_be_in_viewport()
 
 
 def test_a_page_whose_connection_is_refused_says_why_it_is_empty(chromium: Browser, address: str) -> None:
