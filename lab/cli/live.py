@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -387,12 +388,12 @@ def _open_source(
         except (RecordingError, TransportError, DecoderError, ColumnMapError) as error:
             raise CommandError(str(error)) from error
     with interrupted() as pressed, source:
-        begin = time.monotonic()
-        done = False
+        begin, done = math.nan, False
 
         def go_on(seconds: float | None) -> bool:
             """Wait until the next line is due; return whether there is one more."""
-            nonlocal done
+            nonlocal begin, done
+            begin = time.monotonic() if math.isnan(begin) else begin
             due = time.monotonic() + PERIOD
             while time.monotonic() < due and not done:
                 over = seconds is not None and time.monotonic() - begin >= seconds

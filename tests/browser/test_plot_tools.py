@@ -141,14 +141,13 @@ TITLES = """[...insLabPlots].map(({model, bbox, frame, renderer_views}) => [
   renderer_views.get(model.title).get_size().height <= frame.bbox.top,
 ])"""
 """Of each plot, whether its title has two lines, leaves room for the menu, and is whole above its curves."""
-CUT = """[...insLabPlots].some(({bbox, canvas_view: {primary: {ctx}}}) => {
+EDGES = """[...insLabPlots].map(({bbox, canvas_view: {primary: {ctx}}}) => {
   const {data} = ctx.getImageData(bbox.width / 4, 0, bbox.width / 2, 1);
-  return data.some((value, index) => index % 4 < 3 && value < 250 && data[index | 3] > 0);
+  const painted = [...data].filter((value, index) => index % 4 < 3 && data[index | 3] > 0);
+  return [painted.length > 0, painted.some((value) => value < 250)];
 })"""
-"""Whether a line of a title has been painted across the upper edge of a plot, of which a trace stays.
-
-A plot that is not painted yet has no opaque pixel: its black is none.
-"""
+"""Of each plot, whether its upper edge has been painted, and whether a line of a title has been painted
+across it, of which a trace stays. What is not painted yet is black, but not opaque."""
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +196,8 @@ def test_fingers_zoom_a_plot_then_move_along_the_time_and_scroll_the_page(phone:
 def test_a_title_that_would_run_under_the_menu_of_its_plot_has_two_lines(phone: Page) -> None:
     page = phone
     wait_for(page, f"{TITLES}.some(([two]) => two) && {TITLES}.every(([, free]) => free)")
-    assert not page.evaluate(CUT)
+    wait_for(page, f"{EDGES}.some(([painted]) => painted)")
+    assert not page.evaluate(f"{EDGES}.some(([, cut]) => cut)")
     assert page.get_by_role("button", name="Menu of Position error, east").count() == 1
     page.set_viewport_size({"width": 690, "height": 844})  # in one column
     wait_for(page, f"{TITLES}.every(([two, free]) => !two && free)")

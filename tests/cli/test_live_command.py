@@ -12,7 +12,9 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from text_outputs import still_dot
 from writers.nmea import sentence
 
 from lab.cli import live as live_command
+from lab.cli.beside_lines import BesideLines
 from lab.data.protocols.vectornav import VectorNavEncoder
 from lab.data.streams import recorded_log
 from lab.data.streams.recorded_log import recorded_samples
@@ -121,6 +124,21 @@ def test_filters_of_the_user_run_beside_the_navigator(tmp_path: Path) -> None:
     assert "mine.py, line 10, in step: ValueError: no idea" in last["algorithms"]["Raises"]
     refused(ask(*one, "--algorithm", f"{path}:No"), "has no 'No'; live algorithms in the file: Raises, Still")
     refused(ask(*one, *given, "--algorithm", f"{path}:Still"), "different names")
+
+
+def test_the_time_of_a_filter_to_load_is_none_of_the_seconds_that_are_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Filters of the user start in processes of their own, which may take long on a busy computer."""
+
+    class Slow(BesideLines):
+        def __init__(self, *given: Any) -> None:
+            time.sleep(2.0)
+            super().__init__(*given)
+
+    monkeypatch.setattr("lab.cli.beside_lines.BesideLines", Slow)
+    answer = ask("live", "navigate", "simulated:rest?device=vectornav", "--seconds", "1.5", "--json")
+    assert len(answer.stdout.splitlines()) > 1  # one a second, and the last
 
 
 @pytest.mark.proof
