@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -12,12 +12,14 @@ from sensor_logs import tables, write
 from walking import Walk, walking
 
 from dashboards.pages.compare import Compare
-from dashboards.pages.outages import EVERY, OLD, PALE, PLAIN, Outages
+from dashboards.pages.outages import EVERY, OLD, PALE, PLAIN, Outages, Plan
 from lab.base.parameters.setting_error import SettingError
+from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment
+from lab.experiment.outage_table import OutageTable
 from lab.sensors.cards import cards
 
-PATIENCE = 120.0
+PATIENCE = 480.0
 """Time after which work counts as hung [s]."""
 
 
@@ -113,8 +115,22 @@ def test_other_settings_make_it_pale_and_other_outages_do_not(walk: Walk) -> Non
     assert part(walk)._table.styles == PLAIN
 
 
-def test_what_is_done_stays_when_it_is_cancelled(walk: Walk) -> None:
-    press(walk, seeds=1000)
+def test_what_is_done_stays_when_it_is_cancelled(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The computation waits after its first runs, so that it is not done before it is cancelled."""
+    compute = Plan.compute
+
+    def wait_after_first(plan: Plan, progress: Progress, show: Callable[[OutageTable], None]) -> OutageTable:
+        def show_and_wait(table: OutageTable) -> None:
+            show(table)
+            while True:  # until the progress says that it was cancelled
+                progress("waits", 0.5)
+                time.sleep(0.01)
+
+        return compute(plan, progress, show_and_wait)
+
+    monkeypatch.setattr(Plan, "compute", wait_after_first)
+    monkeypatch.setattr("lab.experiment.ensembles.outages.SHOWN_EVERY", 0.0)
+    press(walk, seeds=50)
     until = time.monotonic() + PATIENCE
     while "CEP" not in part(walk)._table.object:
         walk.settle()
