@@ -63,7 +63,11 @@ def test_a_table_of_three_cards_is_that_of_single_runs(fast):
 
 
 @pytest.mark.parametrize(
-    "name", ["MEMSense AccelRate3D", "ADIS16470", pytest.param("HG9900", marks=pytest.mark.proof)]
+    "name",
+    [
+        "MEMSense AccelRate3D",
+        *(pytest.param(one, marks=pytest.mark.proof) for one in ("ADIS16470", "HG9900")),
+    ],
 )
 def test_runs_abreast_are_single_runs(name):
     experiment, block, since = made(), Block(40.0, (1, 2, 5, 6)), times_since(SECONDS)

@@ -346,7 +346,7 @@ def test_compiled_and_filterpy_agree(settings: dict[str, Any], model: str, rate:
 
 def test_between_corrections_each_sample_has_the_estimated_error_taken_off() -> None:
     """Also after headings between the fixes: hardly anything differs from a correction at once."""
-    settings = {"sensors.heading.fitted": True, "sensors.heading.period": 0.2}
+    settings = VEHICLE | {"sensors.heading.period": 0.2}
     late, at_once = (
         of(settings | {"navigator.correction_period": period}).run().solution_arrays for period in (10.0, 0.0)
     )

@@ -110,9 +110,11 @@ def test_the_heading_is_held_only_if_it_shall_be(tmp_path: Path, model: str, eng
     ("kind", "settings"),
     [
         ("cruise", {}),
-        ("ship", {"model": "nonlinear"}),
         ("cruise", {"smoother": True}),
-        *(pytest.param(kind, {"model": "nonlinear"}, marks=pytest.mark.proof) for kind in ("cruise", "road")),
+        *(
+            pytest.param(kind, {"model": "nonlinear"}, marks=pytest.mark.proof)
+            for kind in ("ship", "cruise", "road")
+        ),
         *(pytest.param(kind, {"smoother": True}, marks=pytest.mark.proof) for kind in ("road", "ship")),
         pytest.param("cruise", {"smoother": True, "model": "invariant"}, marks=pytest.mark.proof),
     ],

@@ -88,10 +88,11 @@ def test_what_a_student_changes_does_not_change_the_sensors_or_the_start() -> No
 
 
 def test_the_true_values_of_further_states_are_the_hidden_ones() -> None:
-    """Misalignments, with 21 states: that filter is compiled for other tests too."""
+    """Misalignments, with all the states of a sensor card: that filter is compiled for other tests too."""
     secret = {"sensors": {"gyro": {"misalignment": MISALIGNED}}}
     changed = experiment(hidden=Hidden((), secret, SEED))
-    changed.update({"navigator.states": 21, "navigator.estimate_misalignments": True})
+    estimated = ("navigator.estimate_misalignments", "navigator.estimate_g_sensitivity")
+    changed.update({"navigator.states": 21, **dict.fromkeys(estimated, True)})
     result = changed.run()
     assert result.true_further()[0, :6] == pytest.approx(np.radians(MISALIGNED))
     assert "truth" not in result.further_states
