@@ -169,7 +169,7 @@ def test_an_unknown_fault_is_a_contradiction_in_its_channel():
     How much each explains depends on what the filter rejects, and so on rounding. In one of eight cases, a
     stretch of large innovations explains as much, which is true as well.
     """
-    delays = 600, 650, 690, 700, 710, 750, 800, 900
+    delays = 600, 700, 800, 900
 
     def damaged(samples: int) -> Callable[[Tables, np.random.Generator], Tables]:
         def damage(log: Tables, _rng: np.random.Generator) -> Tables:
@@ -185,7 +185,7 @@ def test_an_unknown_fault_is_a_contradiction_in_its_channel():
         assert finding.quantity in ("contradiction", "GPS or IMU")
         assert not finding.changes
         named += finding.quantity == "contradiction" and "gyro" in finding.sentence
-    assert named >= len(delays) - 2
+    assert named >= len(delays) - 1
 
 
 @pytest.mark.proof
