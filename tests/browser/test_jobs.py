@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.conftest import show, shown
+from tests.browser.conftest import PATIENCE, show, shown
 from tests.browser.test_missions_page import capture_of
 
 pytestmark = pytest.mark.browser
@@ -72,7 +72,7 @@ def test_two_cards_are_compared_in_four_clicks(shared_page: Page) -> None:
     page.get_by_role("checkbox", name=re.compile("^HG4930 · ")).click()
     for name in ("Now", "ADIS16470", "HG4930"):
         row = page.get_by_role("row", name=re.compile(f"^{name} .*(Consistent|✗)"))
-        expect(row).to_be_visible()
+        expect(row).to_be_visible(timeout=2 * PATIENCE)  # the filter of a card may have to be compiled
         expect(row.get_by_role("cell").nth(1)).to_have_text(re.compile(r"^\d"))
     expect(page.get_by_role("button", name="Cancel", exact=True)).to_have_count(0)
     # As it was, for the tests that share the page.
