@@ -64,7 +64,6 @@ def test_scale_factors_that_are_to_be_estimated_get_a_sigma():
     assert 0.7 < nees(after) < 1.5
 
 
-@pytest.mark.proof
 def test_an_r_too_large_is_mended_beside_a_state_of_the_receiver():
     """The causes cannot be compared there, but innovations that are small tell what to try."""
     before, after = [], []
