@@ -26,8 +26,8 @@ from lab.experiment.result import Result
 from lab.experiment.stages import CACHE, start
 from lab.motion.frames import earth, ecef
 from lab.motion.recordings.flight_csv import write_flight_csv
-from lab.navigation import navigator, strapdown, wander
-from lab.navigation.filters import sigma_points, unscented
+from lab.navigation import navigator, standstill, strapdown, wander
+from lab.navigation.filters import blocks, sigma_points, unscented, unscented_updates
 from lab.navigation.filters.schedule import Schedule
 from lab.navigation.kernels.generation import Variant, interpret_kernel
 from lab.navigation.kernels.lane_points import MOST_TURN, step_kernel
@@ -358,6 +358,36 @@ def test_a_fix_updates_at_its_own_time() -> None:
     np.testing.assert_array_equal(solution.fix_sample, np.searchsorted(flight.imu.time, times))
     np.testing.assert_allclose(solution.innovation[:, :3], 0, atol=1e-3)
     np.testing.assert_allclose(solution.innovation[:, 3:], 0, atol=5e-3)
+
+
+@pytest.mark.parametrize("names", [(), (blocks.GYRO_DRIFT,)], ids=["15", "18"])
+def test_an_update_at_rest_is_that_of_a_kalman_filter(names: tuple[str, ...]) -> None:
+    """The rate is that of the Earth: nothing is corrected, and P becomes P − P h hᵀ P / (1 + hᵀ P h)."""
+    begin = start_at(0.8, Rotation.from_euler("ZYX", [2.5, -0.2, 0.3]))
+    n = 15 + 3 * len(names)
+    belief = NO_FILTER._replace(P0=np.zeros((n, n)), noise=np.full(12 + 3 * len(names), 1e-8))
+    filter_ = unscented.UnscentedFilter.begin(begin, belief, names=names)
+    state, sums, H = filter_.state, filter_.rest_sums, np.zeros(6)
+    C = Rotation.from_quat(state[Q_NB : Q_NB + 4], scalar_first=True).as_matrix()
+    rates = interpret_kernel(wander.frame_rate)(state)
+    state[strapdown.PREVIOUS_DTHETA : strapdown.PREVIOUS_DTHETA + 3] = C.T @ rates / 100
+    sums[standstill.ATTITUDE :] = C.ravel()
+    for _ in range(100):
+        interpret_kernel(standstill.gather_rest)(state, sums, 0.01)
+    interpret_kernel(standstill.predict_rest)(state, rates, filter_.noise, sums.copy(), H)
+    root = (
+        np.random.default_rng(3).normal(size=(n, n))
+        * np.repeat([10.0, 1.0, 1e-2, 1e-4, 1e-2, 1e-4][: n // 3], 3)[:, None]
+    )
+    filter_.P[:] = root @ root.T
+    h = np.zeros(n)
+    h[6:12] = H
+    if names:
+        h[15:18] = H[3:]  # the drift is a part of the bias
+    Ph = filter_.P @ h
+    expected = filter_.P - np.outer(Ph, Ph) / (1 + h @ Ph)
+    assert interpret_kernel(unscented_updates.update_at_rest)(filter_)
+    assert_close(filter_.P, expected, 1e-9)
 
 
 def test_the_covariance_carried_along_with_a_large_correction() -> None:
