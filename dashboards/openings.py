@@ -145,10 +145,10 @@ class Openings(Handler):
         """Run a step of a page in its turn, as a callback of its document."""
         self._ask(partial(schedule_step, document, step))
 
-    def let_go(self, page: object, document: Document, wait: float = AGAIN) -> None:
+    def let_go(self, page: object, document: Document) -> None:
         """Free the objects of an ended page, once no page waits to be opened."""
         self._ended.append(
-            partial(self._search, [page, *_living_objects(self._models.pop(document, ()))], wait)
+            partial(self._search, [page, *_living_objects(self._models.pop(document, ()))], AGAIN)
         )
         self._begin()
 

@@ -49,28 +49,9 @@ def new_token() -> str:
     return secrets.token_urlsafe(32)
 
 
-def admit_teachers(port: int) -> str:
-    """Return a new token that makes a teacher; one from before is not valid any more.
-
-    Parameters
-    ----------
-    port
-        Port of the server.
-    """
-    token = new_token()
-    admit_holders(port, [_hash(token)])
-    return token
-
-
 def admit_holders(port: int, digests: Sequence[bytes]) -> None:
     """Let those teach who hold a token with one of some hashes, on the server of a port."""
     _digest[:], _port[:] = digests, [port]
-
-
-def admit_no_teacher() -> None:
-    """Let nobody teach; a token from before is not valid any more."""
-    _digest.clear()
-    _port.clear()
 
 
 def is_token(text: str) -> bool:

@@ -216,9 +216,9 @@ def autocorrelation(innovations: FloatArray, max_lag: int = MAX_LAG) -> FloatArr
     return np.asarray(np.divide(sums, power, out=np.zeros_like(sums), where=power > 0))
 
 
-def whiteness_band(count: int, probability: float = 0.95) -> float:
+def whiteness_band(count: int) -> float:
     """Return the half-width of the 95 % band of the autocorrelation of `count` white values (5.4.2-16).
 
     The mean of as many values of unit variance has the same band (5.4.2-13).
     """
-    return float(special.ndtri(0.5 + probability / 2) / np.sqrt(count)) if count else 0.0
+    return float(special.ndtri(0.975) / np.sqrt(count)) if count else 0.0

@@ -1,9 +1,8 @@
-"""Attitude figure: an aircraft or a phone over a compass rose, seen from the south and from above."""
+"""Attitude figure: an aircraft over a compass rose, seen from the south and from above."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 from bokeh.models.annotations import Title
@@ -16,8 +15,6 @@ from lab.views.figures import plain_figure
 from lab.views.parcel import Parcel
 from lab.views.quantities import BLUE, CURSOR, GREEN, ORANGE
 
-Shape = Literal["aircraft", "phone"]
-
 ELEVATION = np.radians(30.0)
 """Height from which the viewer looks down: roll, pitch and heading all show."""
 GREY = "#808895"
@@ -26,13 +23,6 @@ _LIGHT = np.array([-0.4, 0.3, -0.87])
 """Direction to the light, north, east, down."""
 _BOX = 1.25
 """Half the width of what is shown, in half lengths of the vehicle."""
-
-
-def _box_faces(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> list[FloatArray]:
-    """Return the six faces of a box, corners forward, right, down."""
-    corners = np.array([(a, b, c) for a in x for b in y for c in z])
-    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return [corners[list(side)] for side in sides]
 
 
 def _aircraft() -> list[tuple[FloatArray, str]]:
@@ -57,18 +47,9 @@ def _aircraft() -> list[tuple[FloatArray, str]]:
     ]
 
 
-def _phone() -> list[tuple[FloatArray, str]]:
-    body = _box_faces((-0.9, 0.9), (-0.45, 0.45), (-0.05, 0.05))
-    screen = np.array(
-        [(-0.75, -0.38, -0.06), (0.75, -0.38, -0.06), (0.75, 0.38, -0.06), (-0.75, 0.38, -0.06)]
-    )
-    top = np.array([(0.8, -0.1, -0.06), (0.84, -0.1, -0.06), (0.84, 0.1, -0.06), (0.8, 0.1, -0.06)])
-    return [*((face, GREY) for face in body), (screen, BLUE), (top, CURSOR)]
-
-
-SHAPES = {"aircraft": _aircraft(), "phone": _phone()}
-"""Faces forward, right, down in half lengths of the vehicle, with their colours. An aircraft's right wing is
-green, its left one red, as its lights are."""
+AIRCRAFT = _aircraft()
+"""Faces forward, right, down in half lengths of the vehicle, with their colours. The right wing is green, the
+left one red, as its lights are."""
 
 
 class AttitudeFigure:
@@ -78,8 +59,6 @@ class AttitudeFigure:
     ----------
     parcel
         Takes the changes.
-    shape
-        What is drawn.
 
     Attributes
     ----------
@@ -87,9 +66,8 @@ class AttitudeFigure:
         The figure.
     """
 
-    def __init__(self, parcel: Parcel, shape: Shape = "aircraft") -> None:
+    def __init__(self, parcel: Parcel) -> None:
         self._parcel = parcel
-        self._shape: Shape = shape
         self._title = Title(text="Attitude: unknown")
         self.figure = plain_figure(
             self._title,
@@ -148,7 +126,7 @@ class AttitudeFigure:
             known = "heading relative" if is_relative else f"heading {heading % 360:.1f}°"
             numbers = f"Roll {roll:z.1f}°, pitch {pitch:z.1f}°".replace("-", "\u2212")
             self._parcel.set(self._title_number, text=f"{numbers}, {known}")
-        self._parcel.set(self._face_number, data=draw_faces(SHAPES[self._shape], euler))
+        self._parcel.set(self._face_number, data=draw_faces(AIRCRAFT, euler))
 
 
 def draw_faces(faces: Sequence[tuple[FloatArray, str]], euler: FloatArray) -> dict[str, list[object]]:

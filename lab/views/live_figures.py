@@ -17,7 +17,7 @@ from lab.base.arrays import FloatArray
 from lab.live.live_state import ALIGNING, ATTITUDE_ONLY
 from lab.motion.frames.displacement import metres_per_radian
 from lab.motion.frames.rotation import wrap
-from lab.views.attitude_figure import AttitudeFigure, Shape
+from lab.views.attitude_figure import AttitudeFigure
 from lab.views.envelope import nice_limit
 from lab.views.figures import plain_figure
 from lab.views.legend import add_still_legend
@@ -204,18 +204,13 @@ class LiveTrack:
 class LiveFigures(RollingFigures):
     """All plots of a stream, over the same rolling time.
 
-    Parameters
-    ----------
-    shape
-        What the attitude is drawn with.
-
     Attributes
     ----------
     figures : list of figure
         In reading order.
     """
 
-    def __init__(self, shape: Shape = "aircraft") -> None:
+    def __init__(self) -> None:
         super().__init__(WINDOWS["20 s"], "live ages")
         ages, parcel = self._range, self._parcel
         self._rate = RollingPlot("Angular rate", "°/s", AXES, ages, parcel, least=0.5)
@@ -240,7 +235,7 @@ class LiveFigures(RollingFigures):
                 Span(location=limit, dimension="width", line_color="#808895", line_dash="dashed")
             )
         self._track = LiveTrack(parcel, 3)
-        self._attitude = AttitudeFigure(parcel, shape)
+        self._attitude = AttitudeFigure(parcel)
         self._hold_plots((
             self._rate, self._force, self._tilt, self._heading, self._sigma, self._velocity, self._innovation,
         ))  # fmt: skip

@@ -111,8 +111,6 @@ class Scene:
         Server of the scene.
     result
         Result to draw; None if `show` gets it later.
-    exaggeration
-        Factor on all heights.
     ellipsoid_scale
         Factor on the ellipsoids, which would be too small to see at the scale of a flight.
     dark
@@ -124,12 +122,11 @@ class Scene:
         server: viser.ViserServer,
         result: Result | None = None,
         *,
-        exaggeration: float = 1.0,
         ellipsoid_scale: float = 10.0,
         dark: bool = True,
     ) -> None:
         self._server = server
-        self.exaggeration = exaggeration
+        self.exaggeration = 1.0
         self.ellipsoid_scale = ellipsoid_scale
         self._result: Result | None = None
         self._mission = ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,7 @@ SAME = 1e-9
 """Relative difference of factors that rounding explains."""
 
 
-def list_changes(run: Run, now: Assumed, found: Assumed, names: Collection[str] = NAMES) -> dict[str, Any]:
+def list_changes(run: Run, now: Assumed, found: Assumed) -> dict[str, Any]:
     """Return the settings, nested by group, with which a run's filter assumes the identified parameters.
 
     For a simulated run, these are settings of the filter; for a log, those of the sensors, which its filter
@@ -44,10 +43,8 @@ def list_changes(run: Run, now: Assumed, found: Assumed, names: Collection[str] 
         The run.
     now, found
         The filter's assumptions, and the new ones.
-    names
-        Names of the parameters that may change.
     """
-    seen = differing_parameters(now, found) & np.array([name in names for name in NAMES])
+    seen = differing_parameters(now, found)
     found = mix_assumptions(now, found, seen)
     navigator: dict[str, Any] = {}
     if seen[LATENCY]:

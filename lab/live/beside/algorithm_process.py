@@ -19,7 +19,6 @@ import numpy as np
 
 from lab.base.arrays import FloatArray
 from lab.live.beside.live_algorithm import (
-    LiveAlgorithm,
     LiveAlgorithmError,
     Piece,
     load_live_algorithm,
@@ -39,8 +38,6 @@ _NICENESS: Final = 10
 """By how much the process stands back when processors are few, as of nice(1)."""
 _READY, _ATTITUDES, _FAILED = b"r", b"a", b"e"
 """First byte of what comes back."""
-
-Make = Callable[[], LiveAlgorithm]
 
 
 class AlgorithmProcess:
