@@ -163,6 +163,7 @@ class LatestWins(Generic[T]):
     @property
     def _must_yield(self) -> bool:
         """Whether nobody sees the work, and some work that is seen waits for a thread of the pool."""
+        # A copy of the line, which other threads change meanwhile.
         return not self.is_seen and any(one.is_seen and one._pool is self._pool for one in list(_in_line))
 
     def _run(self, thing: T) -> None:
@@ -183,6 +184,7 @@ class LatestWins(Generic[T]):
         self._next()
 
     def _progress(self, stage: str, fraction: float) -> None:
+        # Read without the lock: an old value costs a stage more, a lock would cost each stage.
         stops = self._closed or self._cancelled or self._waiting is not None or self._must_yield
         if self._at_once and stops:
             raise SupersededError
@@ -216,6 +218,7 @@ def share_result(result: Result) -> Result:
     to its lesson or homework alone, which says what may be changed.
     """
     mine = result.experiment
+    # A result keeps its solution alive, so no other solution has this identity while its entry stands.
     other = result if mine.hidden else _shown.setdefault(id(result.solution_arrays), result)
     if other is result:
         return result

@@ -121,6 +121,7 @@ class Stream:
 
     def sample(self, number: int) -> Sample:
         """Return the solution at a sample, by its number."""
+        # Rows move when the stream makes room, and a view would then show others.
         row = {name: self.samples.rows(name, number, number + 1).copy() for name in Sample._fields[:6]}
         euler, sigma = euler_with_sigma(row["q_nb"], row["variance"], row["covariance"])
         here = {name: values[0] for name, values in row.items()}
@@ -144,6 +145,7 @@ class Stream:
 
     def forget(self, kept: float) -> None:
         """Forget samples and fixes older than `kept` seconds, but for the fix before the oldest sample."""
+        # A second at a time, and not with each sample.
         if self.now - float(self.samples.column("time")[0]) < kept + 1.0:
             return
         self.samples.forget(self.samples.number("time", self.now - kept))
@@ -217,9 +219,11 @@ def log_of_stream(
         name="live stream",
         epoch=stream.epoch + zero,
         time=time,
+        # An increment leads to its sample, and the first has no sample before it.
         dtheta=samples.column("dtheta")[1:].copy(),
         dvelocity=samples.column("dvelocity")[1:].copy(),
         gnss=GnssLog(
+            # A log has times with the latency, which the stream has taken off.
             time=fixes.column("time") + latency - zero,
             position=fixes.column("position").copy(),
             velocity_n=fixes.column("velocity_n").copy(),

@@ -159,6 +159,7 @@ def _rate(stream: Stream) -> FloatArray:
 
 def _innovation(stream: Stream) -> dict[str, FloatArray]:
     """Return the last innovation and its σ."""
+    # The last fix that the filter used may be forgotten already.
     if stream.filter is None or stream.filter.next_fix <= max(stream.first_fix, stream.fixes.first):
         return {}
     last = stream.filter.next_fix

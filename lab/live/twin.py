@@ -143,6 +143,7 @@ def twin_of(
     sensors, navigator = stream_settings(sensors, navigator)
     smoothing = NavigatorSettings()
     smoothing.update({**navigator.to_dict(), "smoother": True})
+    # A smoother also uses later fixes: what it gives as motion has the least noise of the navigator.
     motion = _motion(run_batch(log, sensors, smoothing))
     rate = 1 / float(np.median(np.diff(log.time)))
     with tempfile.TemporaryDirectory(prefix="ins-lab-") as folder:
@@ -227,6 +228,7 @@ def _mean_deviation(curves: list[AllanDeviation]) -> AllanDeviation:
     first = min(curves, key=lambda curve: len(curve.tau))
     count = len(first.tau)
     squares = np.mean([curve.deviation[:count] ** 2 for curve in curves], axis=0)
+    # The simulations are independent: their degrees of freedom add up.
     return first._replace(deviation=np.sqrt(squares), degrees=len(curves) * first.degrees)
 
 
@@ -256,6 +258,7 @@ def _difference(name: str, real: float, twins: FloatArray) -> Difference:
     from scipy import special  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
     mean, spread = float(twins.mean()), float(twins.std(ddof=1))
+    # The mean of the simulations is itself uncertain by a part of their spread.
     sigma = spread * np.sqrt(1 + 1 / len(twins))
     t = float((real - mean) / sigma)
     limit = float(special.stdtrit(len(twins) - 1, 1 - CHANCE / 2))
@@ -273,6 +276,7 @@ def _sentence(name: str, by: float, sigma: float, real: float, mean: float, t: f
             f"simulation {mean:.2f} ± {sigma:.2f} (t = {t:.1f})."
         )
         return said if abs(by) > WORTH else ""
+    # Sizes are compared by their logarithms, so a difference is a factor.
     factor, *ends = np.exp((by, by - 2 * sigma, by + 2 * sigma))
     if abs(factor - 1) < WORTH or (name.endswith(" line") and factor < LINE_WORTH):
         return ""

@@ -106,6 +106,7 @@ class FlightCurves:
         """
         position = self.recorded_positions()
         r_e = ecef.position(position * (1.0, 1.0, 0.0))
+        # From the first position on: the radius of the Earth would take seven of the sixteen digits.
         steps = value_steps(self.raw)
         displacement = self._spline("position", r_e - r_e[0], steps["position"][0])
         if "position" in self.smoothing:
@@ -116,6 +117,7 @@ class FlightCurves:
         there = ecef.geodetic(displacement(self.grid) + r_e[0])
         there[:, 2] = climb(self.grid)[:, 0]
         velocity_n = np.einsum("nji,nj->ni", ecef.axes(there[:, 0], there[:, 1]), displacement(self.grid, 1))
+        # The spline runs on the ellipsoid; at a height, the same change of angle is a longer way.
         velocity_n[:, :2] *= np.stack(longer_above(there[:, 0], there[:, 2]), axis=-1)
         velocity_n[:, 2] = -climb(self.grid, 1)[:, 0]
         return there, velocity_n
@@ -126,6 +128,7 @@ class FlightCurves:
         through_air = air_velocity(self.raw)
         self.wind = np.zeros(3)
         if kind == "constant":
+            # A wind is named by where it comes from.
             blows = np.radians(self.settings.wind_from) + np.pi
             self.wind = self.settings.wind_speed * np.array([np.cos(blows), np.sin(blows), 0.0])
         if self.raw.latitude is None:
@@ -183,6 +186,7 @@ class FlightCurves:
         """Return position and velocity on the grid: the integral of a velocity, anchored to positions."""
         time = self.raw.time
         if axes.polar:
+            # About a pole, offsets in longitude have no bound: these are Cartesian.
             offsets = anchored_cartesian(time, at, axes.vectors_n(velocity_f, at), self.grid)
             position = ecef.geodetic(offsets + ecef.position(at[:1]))
         else:
@@ -216,6 +220,7 @@ class FlightCurves:
                 # Interpolated values have no noise of their own, so smoothing uses the measured ones.
                 self.smoothing["velocity"] = parameter
                 curve = smoothing_spline(time, velocity[own], parameter)
+                # Samples after the last measured value keep it: a spline that is extrapolated runs away.
                 return np.asarray(curve(np.minimum(self.raw.time, time[-1])))
         if parameter:
             self.smoothing["velocity"] = parameter
@@ -281,6 +286,7 @@ def calming_smoothing(
         found = tried
         if roughness(spline_rates(at, curve, order)) < matters:
             break
+        # λ = w⁴ step³ smooths over w steps; from none at all, raising begins at the least width.
         tried = max(_RAISE * tried, _LEAST_WIDTH**4 * step**3)
         if tried > WIDEST_STEPS**4 * step**3:
             break

@@ -110,6 +110,7 @@ def drop_impossible(raw: RawFlight) -> RawFlight:
             continue
         slack = _LIMIT_ROUNDING * (high - low)
         inside = ((value >= low - slack) & (value <= high + slack)).reshape(len(value), -1).all(axis=1)
+        # A row counts for the first limit that it misses, so that the counts add up to the rows lost.
         dropped += _report_dropped(raw, kept & ~inside, words)
         kept &= inside
     if kept.sum() < max(MIN_SAMPLES, _MIN_KEPT * len(kept)):
@@ -148,6 +149,7 @@ def drop_null_island(raw: RawFlight) -> RawFlight:
         return replace(raw, latitude=None, longitude=None, remarks=(*raw.remarks, remark))
     places = positions_in_ecef(raw)
     assert places is not None
+    # All zeros are one place, so the first of them stands for all.
     off = np.linalg.norm(places[~nowhere] - places[np.argmax(nowhere)], axis=1)
     if off.min() < _MAX_DISTANCE_FROM_ZERO:
         return raw
@@ -180,6 +182,7 @@ def _mask_moving_runs(
     too.
     """
     lasts = time[ends] - time[starts] > _STOP_TIME
+    # What follows a repeated row shows motion at once; what follows a stop has a second to get going.
     after = np.where(lasts, np.searchsorted(time, time[ends] + _STOP_TIME), ends + 1)
     seen = after < len(time)
     # The last run is judged by the data before it.
@@ -201,8 +204,10 @@ def in_order(raw: RawFlight) -> tuple[RawFlight, NDArray[np.intp]]:
     breaks : (m,) array
         Indices of the first samples after the clock was set back.
     """
+    # Before any earlier stamp, not only the last one: or just the first of a late run would count.
     late = raw.time < np.maximum.accumulate(raw.time)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], late, [False])).astype(int)))
+    # Edges are begins and ends by turns: every second difference is the length of a run.
     if late.any() and np.diff(edges)[::2].max() <= _MAX_LATE_RUN:
         remark = f"{int(late.sum())} rows were out of order and have been sorted."
         in_time = raw.rows(np.argsort(raw.time, kind="stable"))
@@ -233,6 +238,7 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     far = _too_far(step, np.diff(raw.time))
     across = np.linalg.norm(places[2:] - places[:-2], axis=1)
     spike = np.zeros(len(places), dtype=bool)
+    # A jump that stays is far from one neighbour alone, and does not come back.
     spike[1:-1] = far[1:] & far[:-1] & (across < _MAX_SPIKE_RETURN * (step[1:] + step[:-1]))
     return drop_samples(raw, spike, "a position far from the path of its neighbours")
 
@@ -277,6 +283,7 @@ def longest_stretch(
     """
     cut = jumps | (np.diff(raw.time) > bridged)
     edges = np.concatenate(([0], np.flatnonzero(cut) + 1, [len(raw.time)]))
+    # By time, not by samples, since rates change; −1 keeps a piece too short for a curve from being best.
     lengths = np.where(np.diff(edges) >= MIN_SAMPLES, raw.time[edges[1:] - 1] - raw.time[edges[:-1]], -1.0)
     best = int(np.argmax(lengths))
     if lengths[best] <= 0:
@@ -323,12 +330,14 @@ def bridge_gaps(raw: RawFlight, jumps: Flags, bridged: float) -> tuple[Bridging,
         Longest pause between samples that is bridged so far [s].
     """
     steps = np.diff(raw.time)
+    # Up to whole seconds: a suggestion that is typed in must not fall short of its pause by rounding.
     pauses = np.unique(np.ceil(steps[~jumps & (steps > bridged) & (steps <= MAX_BRIDGED_GAP)]))
     if not pauses.size:
         return ()
     tried = pauses[np.unique(np.linspace(0, len(pauses) - 1, _MAX_GAPS_TRIED).astype(int))]
     kept = [_longest_piece(jumps | (steps > gap)) / len(raw.time) for gap in tried]
     worthwhile = _longest_piece(jumps | (steps > bridged)) / len(raw.time) + _MIN_GAIN
+    # Pauses increase, so the first that keeps enough is the shortest.
     enough = dict.fromkeys(int(np.argmax(np.array(kept) >= part * max(kept))) for part in _SUGGESTED_PARTS)
     return tuple(Bridging(float(tried[i]), kept[i]) for i in enough if kept[i] > worthwhile)
 
@@ -359,6 +368,7 @@ def jumps_between(raw: RawFlight, breaks: NDArray[np.intp]) -> Flags:
 def _too_far(distance: FloatArray, steps: FloatArray) -> Flags:
     """Return which displacements between samples are too large for a vehicle."""
     speed = distance / np.maximum(steps, _MIN_STEP)
+    # The median, which the jumps themselves do not raise.
     usual = float(np.median(speed)) if len(speed) else 0.0
     return np.asarray((distance > _MIN_JUMP) & (speed > _JUMP_SPEED_RATIO * usual + _MIN_JUMP_SPEED))
 

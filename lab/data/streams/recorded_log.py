@@ -149,10 +149,12 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
                 raise RecordingError(f"{path}: {error}") from error
             if DEVICE_LOST in event:
                 samples, fixes = reception.lose(arrival)
+        # The unit of the rates is found late: what came before is scaled, what came now is right already.
         _scale(imu, reception.taken_factor())
         imu.append(samples)
         fix.append(fixes)
         readings.append(reception.taken_readings())
+    # At the end as at a loss, what was held back comes out.
     samples, fixes = reception.lose(arrival)
     _scale(imu, reception.taken_factor())
     readings.append(reception.taken_readings())

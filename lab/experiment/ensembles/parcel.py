@@ -92,6 +92,7 @@ class MissionFiles(NamedTuple):
         own = folder / self.content_hash
         own.mkdir(parents=True, exist_ok=True)
         for name, content in self.contents.items():
+            # The last part of a name alone: what came from elsewhere must not lead out of the folder.
             write_file(own / Path(name).name, zlib.decompress(content))
         place = str(own / self.entry) if self.entry else str(own)
         if mission(place).content_hash != self.content_hash:
@@ -158,6 +159,7 @@ class Parcel:
             If what arrived is not accepted.
         """
         check_versions(self.versions)
+        # Pieces of one parcel begin in several threads at once: the first unpacks it for all.
         with _UNPACKING:
             if self.digest not in _UNPACKED:
                 while len(_UNPACKED) >= KEPT:
@@ -194,6 +196,7 @@ class Unpacked:
 
     def kept(self, make: Callable[[Experiment], T], experiment: Experiment) -> T:
         """Return what is made of an experiment, made once for all pieces of work."""
+        # By identity, which stays unique: this object keeps its experiments alive.
         key = make, id(experiment)
         with self._lock:
             if key not in self._kept:
@@ -258,5 +261,6 @@ def _source_digest() -> str:
         if "notebooks" in path.parts:  # of the installed lab only
             continue
         whole.update(path.relative_to(folder).as_posix().encode())
+        # The same source may have other line ends on another system.
         whole.update(path.read_bytes().replace(b"\r\n", b"\n"))
     return whole.hexdigest()[:12]

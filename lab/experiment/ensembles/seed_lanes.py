@@ -292,14 +292,18 @@ class SeedLanes:
             one = self._stages.measured_with(sensor, self._flight, seed, bias)
             increments[:, own, lane] = one.increments
             measured.append(one)
+        # The kernel computes all eight lanes: those without a seed repeat the last one, and stay harmless.
         increments[:, own, len(seeds) :] = increments[:, own, len(seeds) - 1 : len(seeds)]
         return measured
 
     def _turns_too_fast(self, one: Sensed) -> bool:
         """Return whether the gyros show a rotation within a sample that may be too large for runs abreast."""
         largest = float(si(self._sensors.gyro, "range")) * self._ideal.dt
+        # A gyro that saturates below the limit needs no search of its samples.
         if largest >= LARGEST_TURN:
+            # Three components at most, each as large as the largest.
             largest = math.sqrt(3) * max(float(one.gyro.increments.max()), -float(one.gyro.increments.min()))
+        # Written so that NaN counts as too fast.
         return not largest < LARGEST_TURN
 
     def _would_rest(self, one: Sensed) -> bool:

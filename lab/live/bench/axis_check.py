@@ -208,6 +208,7 @@ class AxisCheck:
         return CheckedAxes(axes, self._sentence(axes, assumed=len(maps) > 1), errors)
 
     def _observe_turn(self, name: str, rows: NDArray[np.void]) -> AxisObservation:
+        # What the gyros showed in the positions is their bias, which six seconds of a turn would add up.
         bias = np.mean([one.rate for one in self.still.values()], axis=0) if self.still else None
         shown, tilt = _nearest_axis(net_turn(rows, bias))
         if tilt > TURN_TILT:

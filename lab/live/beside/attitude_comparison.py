@@ -137,6 +137,7 @@ class AttitudeComparison:
             *(one.reached for one in self._algorithms),
         ]
         last = newest if finish else min(newest, max(min(awaited), newest - _HOLD))
+        # Rows are numbered by the clock, and more than are kept are not made up for.
         begin = max(self._next, np.ceil(self._station.zero * RATE), np.floor(newest * RATE) - KEPT)
         count = int(max(np.floor(last * RATE) + 1 - begin, 0)) if newest else 0
         time = (begin + np.arange(count)) / RATE
@@ -266,9 +267,11 @@ def _difference(pair: tuple[str, str], time: FloatArray, one: FloatArray, two: F
     both = np.isfinite(one[:, 0]) & np.isfinite(two[:, 0])
     time, one, two = time[both], one[both], two[both]
     steps = np.diff(time)
+    # A gap is no time over which both are known.
     seconds = float(steps[steps < _JOINED].sum())
     if time.size < 2:
         return Difference(*pair, seconds, *([np.nan] * 5))
+    # Sine and cosine: of an angle of 1e-4 rad, the cosine alone keeps half of the digits.
     cosine = np.sum(_down_in_body(one) * _down_in_body(two), axis=1)
     sine = np.linalg.norm(np.cross(_down_in_body(one), _down_in_body(two)), axis=1)
     first, second = euler_from_quaternion(one), euler_from_quaternion(two)
@@ -276,6 +279,7 @@ def _difference(pair: tuple[str, str], time: FloatArray, one: FloatArray, two: F
     angles = np.asarray(wrap(first[flat] - second[flat]))
     if not angles.size:
         return Difference(*pair, seconds, _rms(np.arctan2(sine, cosine)), *([np.nan] * 4))
+    # On the circle, where 359° and 1° have the mean 0°.
     offset = float(np.angle(np.mean(np.exp(1j * angles[:, 2]))))
     about = np.asarray(wrap(angles[:, 2] - offset))
     return Difference(

@@ -197,6 +197,7 @@ class Phone:
                 return self._answer(ELSEWHERE, "the page is open in another tab")
             if posted.run > self._run:
                 self._run, self._next = posted.run, posted.oldest
+            # The phone drops its oldest batches first: those between were dropped before they were sent.
             self._lost += max(posted.oldest - self._next, 0)
             self._next = max(posted.oldest, self._next)
             lines = []
@@ -208,6 +209,7 @@ class Phone:
             refused = self._queue_lines(lines, "page", now)
             if refused is not None:
                 return refused
+            # Only now: what was refused is sent again, and must count as new then.
             self._next, self._waiting = following, posted.waiting
             return self._answer(OK)
 
@@ -217,6 +219,7 @@ class Phone:
             now = self._clock()
             if not self._requests.allows(1, now):
                 return self._answer(TOO_FAST, "too many requests")
+            # The app repeats a message of which the answer was lost.
             if pushed.session == self._session and pushed.message == self._message >= 0:
                 return self._answer(OK)
             for number, line in enumerate(pushed.lines, self._next):

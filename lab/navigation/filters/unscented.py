@@ -153,6 +153,7 @@ def _centre(run: UnscentedFilter) -> None:
         run.mean[i] = 0.0
         for j in range(run.x.size):
             run.driven[i, j] = 0.0
+    # The next step draws them: a measurement at this sample still changes the mean and P.
     run.clock[1] = -1.0
 
 
@@ -196,6 +197,7 @@ def _step(run: UnscentedFilter, dtheta: Vector, dvelocity: Vector, dt: float) ->
         draw_sigma_points(run.state, run.P, run.order, run.root, run.x, run.points, run.places)
         run.clock[1] = 0.0
     step(run.state, dtheta, dvelocity, dt)
+    # Abreast, the rotation is a series, which holds for small angles alone.
     if dtheta[0] * dtheta[0] + dtheta[1] * dtheta[1] + dtheta[2] * dtheta[2] < MOST_TURN * MOST_TURN:
         step_abreast(run.points, dtheta, dvelocity, dt, LANES)
     else:
@@ -256,6 +258,7 @@ def filter_all(
         fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
         rest_due = is_rest_due(run, imu, k, dt)
         due = fix_due or rest_due or aid_due(run, time, dt)
+        # Without the slack, rounding of the sum of steps would at times put it off by a sample.
         if due or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - SLACK * dt):
             _form(run)
             if due or run.clock[1] >= HELD - SLACK * dt:
@@ -266,6 +269,7 @@ def filter_all(
         take_aids(run, out, k, time, dt, schedule)
         while fix_due:
             age = time - fixes.time[m]
+            # Only a fix from before the samples is older, and of its time there is no state.
             if age <= dt * (1 + SLACK):
                 nu = out.innovation[m]
                 difference(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)

@@ -165,7 +165,9 @@ def propagate_sum(buffer: FloatArray, pace: FloatArray) -> None:
     total, E, kept, noise = wide(buffer, SUM), wide(buffer, STEP), wide(buffer, KEPT), wide(buffer, NOISE)
     elapsed = pace[ELAPSED]
     transition(buffer, elapsed)
+    # Half before and half after: noise that came evenly is propagated over half of the sum.
     add_noise(w, state, noise, 0.5 * elapsed)
+    # E lacks the unit matrix: the product begins with P itself, so that no ones are multiplied.
     for k in range(NAV * STATES):
         product[k] = w[k]
     for i in range(0, NAV, 3):
@@ -175,6 +177,7 @@ def propagate_sum(buffer: FloatArray, pace: FloatArray) -> None:
         for j in range(NAV):
             w[STATES * i + j] = product[STATES * i + j]
     for i in range(0, NAV, 3):
+        # Blocks of three on the diagonal and below it: `put_other_states` mirrors them.
         for j in range(0, i + 1, 3):
             add_product(w, STATES * i + j, product, STATES * i, E, STATES * j, 1, STATES, STATES)
     put_other_states(w, product, kept)
@@ -192,6 +195,7 @@ def put_other_states(w: Any, product: Any, kept: Any) -> None:
     for i in range(NAV):
         for j in range(i):
             w[STATES * j + i] = w[STATES * i + j]
+        # The other states have no rows in E: of them, decay alone acts, once for each side that is driven.
         for c in range(NAV, NAV + DRIVEN):
             p = kept[c - NAV] * product[STATES * i + c]
             w[STATES * i + c] = p
