@@ -110,6 +110,7 @@ def end_on_signals(
     def exit_hard(number: int) -> None:
         for one in clean:
             one()
+        # Python's own exit would wait for the thread that computes.
         os._exit(128 + number)
 
     async def end(number: int) -> None:

@@ -234,6 +234,7 @@ def _fit_response(x: FloatArray, y: FloatArray, part: FloatArray) -> tuple[float
         return 0.0, np.inf, 0.0
     size = float(x @ y / square)
     left = y - size * x
+    # By parts: what a filter leaves is not white, so that σ by single values would be too small.
     gradients = np.bincount(part, x * left, PARTS)
     growth = y.size / 2 * float(np.log((y @ y) / max(float(left @ left), 1e-300)))
     return size, float(np.linalg.norm(gradients)) / square, growth
@@ -244,6 +245,7 @@ def _correct(
     x: FloatArray, P: FloatArray, i: int, variance: float, errors: FloatArray, column: FloatArray
 ) -> None:
     """Correct the responses x (9, k) and P by component i of a fix with errors (k,)."""
+    # A logged variance may be below ours, and P would become negative: a part is always noise.
     total = max(variance, P[i, i] / (1 - LEAST_NOISE))
     for j in range(9):
         column[j] = P[j, i]
@@ -298,11 +300,13 @@ def _respond(
         F[4, 8], F[5, 6], F[5, 7] = -f, -g, f
         for i in range(3):
             F[i, 3 + i] = dt
+            # What a tilt adds to the velocity over a step acts on the position for half of it.
             F[i, 6:] = 0.5 * dt * F[3 + i, 6:]
         _times(F, x, work)
         x[3, -1] += g  # what an error of the heading makes of the acceleration
         x[4, -1] -= f
         _times(F, P, work)
+        # F (F P)ᵀ, written through the transpose, is F P Fᵀ.
         _times(F, P.T, work)
         for i in range(3):
             P[3 + i, 3 + i] += numbers[0] ** 2 * dt

@@ -148,6 +148,7 @@ class Stream:
         if valid is not None:
             kept &= valid
         at = np.flatnonzero(kept)
+        # Among the sound ones alone: a wild time must not condemn all that come after it.
         kept[at[~increasing(time[at])]] = False
         lost = 0 if kept.all() else int(np.argmin(kept)) + 1
         counted = None if counter is None else counter[kept]
@@ -182,6 +183,7 @@ class Stream:
         known = inside & (step <= max(_MAX_GAP, _MAX_GAP_STEPS / self.rate))
         # Between the last message before a reset and the first after it nothing is known.
         known &= ~np.isin(after, self.resets) | (time == self.time[after])
+        # Between two resets in quick succession, there is too little for a spline.
         piece, lengths = self._number_pieces(time), np.diff(self._edges)
         return np.asarray(known & (lengths[piece] >= MIN_SAMPLES))
 
@@ -204,6 +206,7 @@ class Stream:
         return np.concatenate(([0], self.resets, [len(self.time)])).astype(np.int64)
 
     def _number_pieces(self, time: FloatArray) -> NDArray[np.int64]:
+        # To the right: the first message after a reset is part of its new piece.
         return np.searchsorted(self.time[self.resets], time, side="right")
 
     def _by_pieces(
@@ -255,6 +258,7 @@ def attitude_of_angles(angles: Stream | None, unit: float = 1.0) -> Stream | Non
 def geoid_height(heights: FloatArray) -> float | None:
     """Return the height of the geoid over the ellipsoid [m], of those a receiver gives; None without any."""
     known = heights[np.abs(heights) < MAX_GEOID_HEIGHT]
+    # Zeros alone are what receivers without a model of the geoid write.
     return float(np.median(known)) if known.size and known.any() else None
 
 

@@ -321,6 +321,7 @@ def _noise(
     ):
         text, band = f"{noise:.3g} {unit} rms in the fast part", 0.5 / (usual * flight.raw.every(quantity))
         if sensor is not None:
+            # Three axes, each with white noise up to half of the rate.
             text += f"; {sensor.name} itself up to {band:.3g} Hz: {np.sqrt(3 * band) * density:.3g} {unit}"
         yield name, text
 
@@ -329,6 +330,7 @@ def _thin_flight(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Repai
     """Return a long flight thinned out: fewer samples show the same motion."""
     raw, recording = flight.raw, rebuilt.recording
     if len(raw.time) > _MAX_REPORTED_SAMPLES:
+        # Rounded up, so that no more are left than are reported on.
         step = -(-len(raw.time) // _MAX_REPORTED_SAMPLES)
         flight = replace(flight, raw=raw.rows(np.arange(0, len(raw.time), step)))
     if len(recording.time) > _MAX_REPORTED_SAMPLES:
@@ -348,12 +350,14 @@ def _stretches(recording: Recording) -> Iterator[Recording]:
     if count <= _MAX_REPORTED_SAMPLES:
         yield recording
         return
+    # Whole stretches, not every tenth sample: the fast parts are those from one sample to the next.
     for start in np.linspace(0, count - _MAX_REPORTED_SAMPLES // _STRETCHES, _STRETCHES).astype(int):
         yield _part(recording, slice(start, start + _MAX_REPORTED_SAMPLES // _STRETCHES))
 
 
 def _space_times(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, name: str) -> FloatArray:
     """Return times in a stretch at the rate of a quantity, or that of the recording if lower."""
+    # What was interpolated between samples has no noise of its own, and would dilute theirs.
     share = min(1.0, len(flight.raw.time) / flight.raw.every(name) / len(rebuilt.recording.time))
     return np.linspace(part.time[0], part.time[-1], max(2, round(share * len(part.time))))
 

@@ -86,6 +86,7 @@ class Ring:
             new = imu, fix, reading
             for room, at, rows in zip(self._rooms, self._end, new, strict=True):
                 _append_rows(room, at, rows)
+            # Replaced as a whole, since `end` is read without the lock.
             self._end = Cursor(*(at + len(rows) for at, rows in zip(self._end, new, strict=True)))
 
     def since(self, cursor: Cursor | None = None) -> Read:
@@ -115,6 +116,7 @@ class Ring:
 def _first_after(room: NDArray[np.void], end: int, time: float) -> int:
     """Return the number of the first sample that is later than a time."""
     times, size = room["time"], len(room)
+    # By the numbers of the samples, which increase: in the ring, the oldest follows the newest.
     return bisect.bisect_right(range(end), time, lo=max(0, end - size), key=lambda k: times[k % size])
 
 

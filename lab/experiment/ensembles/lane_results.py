@@ -247,6 +247,7 @@ class LaneResults:
     ) -> RunAtFixes:
         """Return what is kept of a run."""
         P, nu, S = used_fixes(solution)
+        # Where P is singular, the compiled figures are NaN, and the pseudoinverse decides.
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
         nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
         return RunAtFixes(

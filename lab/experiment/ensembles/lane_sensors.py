@@ -188,6 +188,7 @@ def triads(
         si(errors, "scale_temperature"),
         flight.ideal.dvelocity if felt.any() else np.zeros((0, 3)),
         felt,
+        # (1 − exp(−x)) / x, of which expm1 keeps all digits for a small x.
         np.where(lags, -np.expm1(-cutoff) / np.where(lags, cutoff, 1.0), 1.0),
         forget,
     )
@@ -219,6 +220,7 @@ def _processes(
     if not (flicker.any() or any(others.values())):
         return np.zeros((LANES, 3, 0))
     total = room.process
+    # The room still has the processes of the runs before.
     total[:] = 0.0
     if flicker.any():
         for lane, (seed, own) in enumerate(zip(seeds, abreast, strict=True)):
@@ -271,6 +273,7 @@ def _sense(
     wide_vectors()
     for start in range(0, ideal.shape[0], AT_ONCE):
         count = min(AT_ONCE, ideal.shape[0] - start)
+        # In the order of a single run: sample by sample, and within it axis by axis.
         for k in range(count):
             for i in range(3):
                 draw(streams, part.values, (i * AT_ONCE + k) * LANES)

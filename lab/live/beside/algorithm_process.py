@@ -67,10 +67,12 @@ class AlgorithmProcess:
         LiveAlgorithmError
             If it cannot be loaded.
         """
+        # A fork would copy the locks that other threads hold at this moment, and never free them.
         context = get_context("spawn")
         self._line, far = context.Pipe()
         self._process = context.Process(target=_serve, args=(far, self._name, self._given), daemon=True)
         self._process.start()
+        # Only the process has this end now, so that its death shows at ours.
         far.close()
         self._answer(START, f"did not start within {START:g} s")
 
@@ -93,6 +95,7 @@ class AlgorithmProcess:
     def end(self) -> None:
         """End the process; may be repeated."""
         if self._process is not None and self._process.pid is not None:
+            # It may be in a computation that never returns to where it would hear a request.
             self._process.kill()
             self._process.join()
         if self._line is not None:

@@ -118,6 +118,7 @@ class OwnAlgorithm:
         """Return the number of the next row, and times (n,) [s] and attitudes (n, 4) from a row on."""
         with self._lock:
             start = min(max(row, self._rows.first), self._rows.end)
+            # Copies, because rows move once the lock is free.
             part = (self._rows.rows(name, start, self._rows.end).copy() for name in ("time", "q_nb"))
             return self._rows.end, next(part), next(part)
 
@@ -172,6 +173,7 @@ class OwnAlgorithm:
         axes, rescaled = source.axes, source.rescaled
         while not self._ending.is_set():
             ended = source.ended  # before the last samples are taken
+            # The unit of the rates was another one: all attitudes so far are wrong.
             if source.rescaled != rescaled:
                 with self._lock:
                     self._rows.forget(self._rows.end)
@@ -185,6 +187,7 @@ class OwnAlgorithm:
             self._step_over(read.imu, read.fix)
             if ended and source.end == cursor:
                 return None
+            # A pause between pieces, which would else be single samples; then a wait for the next sample.
             self._ending.wait(_PERIOD)
             source.wait(cursor, _PERIOD)
         return None

@@ -151,6 +151,7 @@ def _parse_place(text: str, kind: str, rest: str) -> tuple[str, int, Path]:
         return "", 0, Path(place)
     host, _, port = place.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
+    # Port 0 has the system choose one to listen on; nothing can be sent to it.
     least = 1 if kind == "udp" else 0
     if not re.fullmatch(r"[0-9]{1,5}", port) or not least <= int(port) <= LAST_PORT:
         raise TransportError(

@@ -122,6 +122,7 @@ class Publisher:
         finally:
             self._loop.run_until_complete(self._loop.shutdown_default_executor())  # of names
             self._loop.close()
+            # Also after a failure, or `open` would wait for ever.
             self._ready.set()
 
     async def _follow_navigator(self) -> None:
@@ -140,6 +141,7 @@ class Publisher:
             await self._ending.wait()
             self._send()
         finally:
+            # Before the tasks are cancelled, which send what waits.
             await asyncio.gather(*(outlet.close() for outlet in self._outlets))
             others = asyncio.all_tasks() - {asyncio.current_task()}
             for task in others:

@@ -55,6 +55,7 @@ class PhoneHub:
         self._unused = unused
         self._lifetime = lifetime
         self._clock = clock
+        # Reentrant, since `_sweep` forgets phones under the lock of its caller.
         self._lock = threading.RLock()
         self._phones: dict[int, Phone] = {}
         self._count = 0
