@@ -38,10 +38,10 @@ lab: $(VENV)/.lab
 	@$(BIN)/ins-lab serve --port $(PORT)
 
 # The copies are the user's: those that exist are kept. Panel puts its scripts into the page, so that plots
-# need no network.
+# need no network. Jupyter wants an option of root, who is alone in a container.
 notebooks: $(VENV)/.notebooks
 	@$(BIN)/ins-lab notebooks copy '$(NOTEBOOKS)'
-	@PANEL_INLINE=True $(BIN)/jupyter lab '$(NOTEBOOKS)'
+	@PANEL_INLINE=True $(BIN)/jupyter lab $$([ "$$(id -u)" -ne 0 ] || echo --allow-root) '$(NOTEBOOKS)'
 
 # mypy has one process, and the tests begin with one that compiles while the others wait: they run side by side.
 test:

@@ -15,6 +15,9 @@ from pathlib import Path
 
 import pytest
 
+from lab.base.aid_table import AIDS
+from lab.data.checks.auxiliary_check import CHECKS
+
 ROOT = Path(__file__).parents[2]
 ROW = '''    Aid(
         name="radar_altimeter",
@@ -113,6 +116,10 @@ def lab_with_radar(folder: Path, error: str) -> Path:
     (folder / "lab/sensors/radar_altimeter.py").write_text(truth, "utf-8")
     (folder / "lab/navigation/radar_altimeter.py").write_text(BELIEF, "utf-8")
     return folder
+
+
+def test_each_row_names_a_comparison_that_there_is() -> None:
+    assert {aid.check for aid in AIDS} <= {"", *CHECKS}
 
 
 @pytest.mark.parametrize(
