@@ -102,6 +102,7 @@ def choose(
     seen = {pair: parts for pair, parts in found.items() if parts is not None}
     if (1.0, 1.0) not in seen:
         return None
+    # Each set is predicted with the choice of the others: no factor is judged by what chose it.
     after = judge_prediction([seen[_best_pair(_drop_turn(seen, turn))][turn] for turn in range(len(turns))])
     r, q = _best_pair(seen)
     chosen = Factors(r, q, judge_prediction(seen[1.0, 1.0]), after)

@@ -77,6 +77,7 @@ def logarithm_intervals(
     profiles = [_Profile(search, whole, joint, without, int(index)) for index in noise]
     highs = np.full(PARAMETERS, -math.inf)
     with ThreadPoolExecutor(max_workers=2) as pool:
+        # All upper ends first: a lower end begins with the other noises near theirs.
         highs[noise] = list(pool.map(_Profile.high, profiles))
         lows = dict(zip(noise, pool.map(lambda one: one.low(highs), profiles), strict=True))
     ends = {int(index): (lows[index], float(highs[index])) for index in noise}
@@ -89,6 +90,7 @@ def _of_variance(value: float, sigma: float) -> Ends:
     """Return the interval of ln σ of a variance, which has a χ² distribution, from the σ of its estimate."""
     if not sigma > 0:
         return value, value
+    # An estimate of ln σ by n degrees of freedom has the variance 1 / (2 n).
     degrees = 1 / (2 * sigma**2)
     below, above = special.chdtri(degrees, [OUTSIDE / 2, 1 - OUTSIDE / 2])
     return value + 0.5 * math.log(degrees / below), value + 0.5 * math.log(degrees / above)
@@ -124,6 +126,7 @@ class _Profile:
         self._search, self._whole, self._joint, self._index = search, whole, joint, index
         self._without = math.sqrt(max(float(without[index]), 0.0))
         self._sigma = float(joint.sigma[index])
+        # This σ allows for correlated innovations, the covariance does not: their ratio says how much.
         self.wanted = NORMAL * max(1.0, self._sigma / math.sqrt(joint.covariance[index, index]))
         every = np.arange(PARAMETERS)
         self._kept: Flags = search.held | (every == index)
@@ -178,6 +181,7 @@ class _Profile:
         if alone is not None:
             (value, sigma, place), kept = alone, kept | self._idle
         certain = sigma < UNLIKE_ZERO
+        # Where a parabola holds, its own end is the first trial.
         at = value + NORMAL * sigma if certain else max(value, 0.0) + STEP
         low, high = (value, LEAST) if certain else None, None
         for _ in range(TRIALS):

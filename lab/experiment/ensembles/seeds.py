@@ -222,6 +222,7 @@ def format_progress(done: int, wanted: int, began: float) -> str:
     began
         When the first began, in the clock of `time.monotonic`.
     """
+    # The clock of some systems has not moved yet when the first runs are done.
     rate = done / max(time.monotonic() - began, 1e-9)
     left = f", {rate:.3g} per second, {(wanted - done) / rate:.0f} s left" if done < wanted else ""
     return f"{done:,} of {wanted:,} runs{left}"
