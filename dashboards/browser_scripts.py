@@ -127,14 +127,20 @@ const is_in = (tab, title) => TABS[tab]?.some(([one]) => one === title);
 const tab_of = (title) => TABS.findIndex((_pages, tab) => is_in(tab, title));
 const wanted = () => (is_in(tabs.active, parts.data.value) ? parts.data.value : last[tabs.active]);
 const view = view_of(stage), {update_children} = view;
+let root = view;
+while (root.parent) root = root.parent;
+const {invalidate_layout} = root;
+let is_making = false, is_stale = false;
 let [made] = stage.tags;  // the page that the browser has made
 const update = () => {
   const [there] = stage.tags, title = wanted(), {el, shadow_el} = view, waits = title !== made;
   if (tab_of(there) >= 0) last[tab_of(there)] = there;
   view_of(parts).el.style.visibility = waits && !is_in(tabs.active, parts.data.value) ? "hidden" : "";
   el.toggleAttribute("data-waiting", waits);
+  for (const part of shadow_el.children) part.classList.toggle("covered", waits && part !== frame);
   if (!waits) {
     frame.remove();
+    if (is_stale) root.invalidate_layout();
     return;
   }
   name.textContent = title;
@@ -151,17 +157,34 @@ cancel.addEventListener("click", () => {
   else tabs.active = tab;
 });
 
-// A page that has come is made in a turn of its own: keys and clicks before it may have left it again.
+// Each change of a size, or of what is seen, has the whole page laid out. One that is covered is not: the
+// layout of the next page is that of these changes, too.
+root.invalidate_layout = () => {
+  is_stale = view.el.hasAttribute("data-waiting") && !is_making;
+  if (!is_stale) invalidate_layout.call(root);
+};
+
+// A page that has come is made once the browser has painted what covers the other, in a turn of its own: keys
+// and clicks before it may have left it again.
+const painted = (call) => {
+  if (document.hidden) setTimeout(call);
+  else requestAnimationFrame(() => setTimeout(call));
+};
 let is_due = false, making = Promise.resolve();
 const make = async () => {
-  await new Promise((done) => setTimeout(done));
+  await new Promise(painted);
   is_due = false;
   const [there] = stage.tags;
   if (there !== wanted()) {
     if (there === made) made = "";  // it has changed, and is made again once one comes back
     return;
   }
-  await update_children.call(view);
+  is_making = true;
+  try {
+    await update_children.call(view);
+  } finally {
+    is_making = false;
+  }
   made = there;
   update();
 };

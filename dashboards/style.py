@@ -122,7 +122,7 @@ ON_SCREEN = "@media print { :host { display: none !important; } }"
 STAGE = """
 :host { flex: 1 1 0 !important; min-height: 0 !important; min-width: 0 !important;
         overflow: hidden auto !important; container: stage / inline-size; position: relative; }
-:host([data-waiting]) > :not(.frame) { visibility: hidden; opacity: 0; }
+.covered { visibility: hidden; opacity: 0; transition: visibility 0s 60ms; }
 .frame { position: absolute; left: 0; right: 0; padding: 20px 28px;
          font: 14px/1.5 Roboto, Arial, sans-serif; }
 .frame h2 { margin: 0; font-size: 18px; font-weight: 500; }
@@ -140,7 +140,8 @@ STAGE = """
 """
 """The page, which scrolls if it is higher than its place.
 
-What the next page will replace is transparent, too: Panel makes texts visible in what is hidden.
+What the next page will replace is transparent, too: Panel makes texts visible in what is hidden. It is hidden
+once the browser has painted what covers it, because then each of its elements gets a new style.
 """
 
 WRAP = """

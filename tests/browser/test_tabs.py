@@ -31,13 +31,17 @@ COVERED = """
     (one.hasAttribute("data-waiting") && hasOnlyFrame([...one.shadowRoot.children].filter(isSeen))) ||
     (one.shadowRoot && inside(one.shadowRoot)));
   window.covered = [];
+  window.painted = [];
   const parts = Array.from(Bokeh.index.query(({model}) => model.css_classes?.includes("page-parts")))[0];
   const note = () => window.covered.push([inside(document), getComputedStyle(parts.el).visibility]);
-  document.addEventListener("click", () => setTimeout(note, 0), true);
+  document.addEventListener("click", () => {
+    setTimeout(note, 0);
+    requestAnimationFrame(() => window.painted.push(inside(document)));
+  }, true);
 }
 """
 """Notes after each click whether the page that one leaves is covered, in the turn of the browser after it,
-and whether its parts are seen beside the tab."""
+and whether its parts are seen beside the tab; and whether it is still covered in the next picture."""
 LOCATION = "Bokeh.documents[0].get_model_by_name('time cursor')?.location"
 
 
@@ -65,8 +69,9 @@ def test_keys_open_tabs_step_and_close_and_a_page_that_one_leaves_is_covered(sha
     expect(page.get_by_role("button", name="Close Lessons")).to_be_hidden()
     page.evaluate(COVERED)
     page.get_by_role("tab", name="Sensors", exact=True).click()
-    wait_for(page, "window.covered.length === 1")
+    wait_for(page, "window.covered.length === 1 && window.painted.length === 1")
     assert page.evaluate("window.covered[0]") == [True, "hidden"]
+    assert page.evaluate("window.painted[0]")  # however soon the next page comes
     page.get_by_role("button", name="Cards", exact=True).click()  # another part of it may have been open last
     expect(page.get_by_text("Sensors in use")).to_be_visible()
 
