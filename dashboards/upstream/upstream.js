@@ -166,6 +166,11 @@
   const {GlyphRendererView} = Bokeh.require("models/renderers/glyph_renderer");
   Object.defineProperty(GlyphRendererView.prototype, "needs_clip", {configurable: true, get: () => true});
 
+  // At each repaint, Bokeh writes a style sheet that moves an empty element over the extent of each curve. The next
+  // text of a plot then had the styles of the page computed anew, eighteen times for a step of a slider.
+  original(Bokeh.require("models/renderers/renderer").RendererView, "update_position");
+  GlyphRendererView.prototype.update_position = function() { this.el.style.display = "none"; };
+
   // One finger scrolls the page; across a plot that shows a stretch of time, as after a pinch, it moves along the time.
   // To Bokeh, it would drag a box, as a mouse does: Bokeh hears of a finger that moves only when there is another one.
   const SLOP = 8;  // a finger that moves less has not moved [px]
