@@ -58,15 +58,23 @@ class TimeAxis:
         self.hover = hover
         self.duration = 1.0
         self.range = Range1d(start=0.0, end=1.0, bounds=(0.0, 1.0), min_interval=0.05, name=f"{name} axis")
+        # On a layer of their own: what is below stays painted where they move.
         self.cursor = Span(
-            dimension="height", location=0.0, line_color=CURSOR, line_width=1.2, name=f"{name} cursor"
+            dimension="height",
+            location=0.0,
+            line_color=CURSOR,
+            line_width=1.2,
+            level="overlay",
+            name=f"{name} cursor",
         )
         self.outages = ColumnDataSource({"start": [], "end": []}, name=f"{name} without GPS")
         self.samples: dict[str, Callable[[], pd.DataFrame]] = {}
         self._strips: list[GlyphRenderer[Any]] = []
         self._shaded: list[figure] = []
         self._notes: ColumnDataSource | None = None
-        self.crosshair = Span(dimension="height", line_color="#808895", line_dash="dotted", line_width=1)
+        self.crosshair = Span(
+            dimension="height", line_color="#808895", line_dash="dotted", line_width=1, level="overlay"
+        )
 
     @property
     def window(self) -> tuple[float, float]:
