@@ -14,9 +14,13 @@ DRAWING = "Drawing"
 _SHORT = """
 :host { flex: 1 1 0 !important; width: 0 !important; min-width: 0 !important; align-self: center; }
 div { overflow: hidden; text-overflow: ellipsis; }
+div:empty::before { content: "\\200b"; }
 @media (max-width: 480px) { :host { margin: 0 !important; } }
 """
-"""On a phone the text ends with dots: it must not push the switch of the theme out of the header."""
+"""On a phone the text ends with dots: it must not push the switch of the theme out of the header.
+
+Without a text, it is as high as with one: the browser would lay out the whole page twice for each run.
+"""
 
 
 class ProgressText:
