@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from typing import ClassVar
 
@@ -81,7 +82,7 @@ class View3D(Page):
         self._begin()
         if self._scene is not None:
             self._scene.show(result, self.axis.time, self.held())
-            self._legend.object = _legend(result, self._scene.scale)
+            self._legend.object = legend_html(result, self._scene.scale, self._scene.held)
 
     def release(self) -> None:
         """Refer to no result any more; the aircraft stays where it is."""
@@ -113,9 +114,11 @@ class View3D(Page):
             self.draw_again()
 
 
-def _legend(result: Result, scale: float) -> str:
+def legend_html(result: Result, scale: float, held: Sequence[tuple[str, str]]) -> str:
+    """Return what the colours of a scene mean, with letter and colour of each held result in it, as HTML."""
     true = () if result.truth_arrays is None else ((TRUTH, f"{result.truth_word}"),)
-    entries = (*true, (ESTIMATE, f"estimate, 3σ ellipsoids × {scale:g}"), (FIXES, "GPS fixes"))
+    drawn = [(colour, f"{letter}, held") for letter, colour in held]
+    entries = (*true, (ESTIMATE, f"estimate, 3σ ellipsoids × {scale:g}"), (FIXES, "GPS fixes"), *drawn)
     return " &emsp; ".join(
         f'<span style="color:{colour}">●</span> {escape(label)}' for colour, label in entries
     )

@@ -115,6 +115,11 @@ class Scene:
         Factor on the ellipsoids, which would be too small to see at the scale of a flight.
     dark
         Whether the background is dark.
+
+    Attributes
+    ----------
+    held : list of tuple of str
+        Letter and colour of each held result that is drawn: those far away are not.
     """
 
     def __init__(
@@ -130,6 +135,7 @@ class Scene:
         self.ellipsoid_scale = ellipsoid_scale
         self._result: Result | None = None
         self._mission = ""
+        self.held: list[tuple[str, str]] = []
         self._origin: FloatArray = np.zeros(3)
         self._aircraft: viser.FrameHandle | None = None
         server.scene.set_up_direction("+z")
@@ -230,10 +236,12 @@ class Scene:
         )
 
     def _draw_held(self, result: Result, held: Sequence[Result | None]) -> None:
+        self.held.clear()
         for letter, colour, one in zip_longest(LETTERS, HELD, held):
             if one is None or one.projection.zone != result.projection.zone:
                 self._server.scene.remove_by_name(f"/{letter}")
             else:
+                self.held.append((letter, colour))
                 self._draw_path(f"/{letter}/path", self._path(one, "estimated"), colour, 1.5)
                 self._draw_ellipsoids(f"/{letter}/3σ ellipsoids", one, colour, OUTLINES)
 

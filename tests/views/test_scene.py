@@ -10,6 +10,7 @@ import viser
 
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
+from lab.views.quantities import HELD
 from lab.views.scene import LENGTH, Scene, aircraft
 
 
@@ -98,8 +99,10 @@ def test_held_results_stand_beside_as_thin_paths_and_wire(server: viser.ViserSer
     last = [other.track.sel(path="estimated")[name].values[-1] for name in ("easting", "northing", "height")]
     np.testing.assert_allclose(ends[-1, 1], np.subtract(last, start) / 1000, atol=1e-5)
     assert 0 < len(node(server, "/B/3σ ellipsoids").batched_positions) <= 40
+    assert scene.held == [("B", HELD[1])]
     scene.show(result, 10.0)
     assert set(server.scene._handle_from_node_name) == names
+    assert scene.held == []
 
 
 def test_the_aircraft_is_an_aeroplane() -> None:
