@@ -63,7 +63,6 @@ class Holding:
         keys.hear(lambda what, _number: self.hold() if what == "hold" else None)
         self.button = header_icon("push_pin", "Hold this result, to compare it with the next ones (H)")
         self.button.on_click(lambda _event: self.hold())
-        self._renamed = -1
         self.bar = pn.FlexBox(visible=False, margin=(2, 8), sizing_mode="stretch_width", align_items="center")
         session.param.watch(lambda _event: self._list(), "held")
         session.param.watch(lambda _event: self._name_again(), "shows_sigmas")
@@ -89,7 +88,7 @@ class Holding:
         self._session.held = name_held(self._session.held, self._session.shows_sigmas)
 
     def _list(self) -> None:
-        """Show the held results; the one that is being renamed has a field for its name."""
+        """Show the held results by their names; a field to change a name is hidden beside each."""
         held = self._session.held
         self.bar[:] = [part for slot, one in enumerate(held) for part in self._entry(slot, one)]
         self.bar.visible = bool(held)
@@ -99,16 +98,19 @@ class Holding:
         letter = LETTERS[slot]
         away = pmui.IconButton(icon="close", description=f"Remove {letter}", **common)
         away.on_click(lambda _event: self._remove(held))
-        if slot == self._renamed:
-            name = pmui.TextInput(
-                label=f"Name of {letter}", value=held.name, max_length=LONGEST_NAME, size="small", width=240
-            )
-            name.param.watch(lambda _event: self._rename(slot, name.value), "value")
-            assert self._document is not None
-            later = self._document.add_timeout_callback
-            # Enter is told before the name, which may be the same as before.
-            name.param.watch(lambda _event: later(lambda: self._end_renaming(slot), ARRIVED), "enter_pressed")
-            return [name, away]
+        name = pmui.TextInput(
+            label=f"Name of {letter}",
+            value=held.name,
+            max_length=LONGEST_NAME,
+            size="small",
+            width=240,
+            visible=False,
+        )
+        name.param.watch(lambda _event: self._rename(slot, name.value), "value")
+        assert self._document is not None
+        later = self._document.add_timeout_callback
+        # Enter is told before the name, which may be the same as before.
+        name.param.watch(lambda _event: later(self._list, ARRIVED), "enter_pressed")
         back = pmui.Button(
             label=f"{letter} · {held.name}",
             description=f"{letter} · {held.name}: bring these settings back",  # and what a reader hears
@@ -118,24 +120,19 @@ class Holding:
         )
         back.on_click(lambda _event: self._bring_back(held))
         rename = pmui.IconButton(icon="edit", description=f"Rename {letter}", **common)
-        rename.on_click(lambda _event: self._edit(slot))
-        return [back, rename, away]
 
-    def _edit(self, slot: int) -> None:
-        """Show the field for the name of a held result."""
-        self._renamed = slot
-        self._list()
+        def edit(_event: object) -> None:
+            """Show the field for the name, which is there already: the next key is for it."""
+            back.visible = rename.visible = False
+            name.visible = True
+            name.focus()
 
-    def _end_renaming(self, slot: int) -> None:
-        """Show the name again if nothing else was typed."""
-        if self._renamed == slot:
-            self._renamed = -1
-            self._list()
+        rename.on_click(edit)
+        return [back, rename, name, away]
 
     def _rename(self, slot: int, name: str) -> None:
         """Give a held result a name; an empty one is that of its settings."""
         held = list(self._session.held)
-        self._renamed = -1
         if slot < len(held):
             called = name.strip()[:LONGEST_NAME] or describe_differences(held[slot].result.experiment)
             held[slot] = held[slot]._replace(name=called)
@@ -153,7 +150,6 @@ class Holding:
             self._session.problem = str(error)
 
     def _remove(self, held: Held) -> None:
-        self._renamed = -1
         left = [one for one in self._session.held if one is not held]
         self._session.held = name_held(left, self._session.shows_sigmas)
 

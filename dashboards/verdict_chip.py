@@ -31,6 +31,8 @@ SETTLED = 150
 """Time after a new result until it is judged [ms], so that a moving slider is not slowed."""
 CROWDED = 500
 """Time between two looks whether all pages that open have opened [ms]."""
+CLOSED = 300
+"""Time until a card that closes has gone [ms]."""
 PLACE = (50, 16)
 """Place of the card: below the header, at its left end, where a phone has room too [px]."""
 JUDGING = "Judging …"
@@ -228,13 +230,20 @@ class VerdictChip:
         )
         self._apply.on_click(lambda _event: self._applied())
         buttons = pn.Row(self._apply, self._show_me, margin=0)
-        return pmui.Popup(
+        card = pmui.Popup(
             plain_column(self._words, buttons),
             anchor_position=PLACE,
             transform_origin={"horizontal": "left", "vertical": "top"},
             elevation=8,
             sx=_CARD,
         )
+        card.param.watch(self._closes, "open")
+        return card
+
+    def _closes(self, event: param.parameterized.Event) -> None:
+        """Give the chip the focus once the card has gone, which takes it back until then."""
+        if not event.new:
+            self._document.add_timeout_callback(self._chip.focus, CLOSED)
 
     def _fill(self, verdict: Verdict, *, tried: bool) -> None:
         """Write the card of a verdict, whose advice is applied only once it has been tried."""

@@ -32,6 +32,7 @@ def test_a_filter_that_trusts_itself_too_much_is_mended_and_a_report_is_there_in
         chip = page.get_by_role("button", name=re.compile("^● .*too small"))
         click_all(chip, page.get_by_role("button", name=re.compile("^Apply")).first)
         expect(page.get_by_role("button", name="● Consistent")).to_be_visible()
+        expect(page.get_by_role("button", name="● Consistent")).to_be_focused()
         undo = page.get_by_role("button", name=re.compile("^Undo: .*Q scale 0.1 →"))
         expect(undo).to_be_visible()
         undo.click()

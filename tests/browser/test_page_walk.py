@@ -74,6 +74,17 @@ def walk(page: Page) -> None:
     wait_for(page, f"{DATA}?.position_east?.length > 100")
 
 
+def test_buttons_beside_each_other_are_equally_high(shared_page: Page) -> None:
+    places = [
+        shared_page.get_by_role("button", name=re.compile(name)).bounding_box()
+        for name in ("^Changed", "^Reset settings")
+    ]
+    assert places[0] is not None
+    assert places[1] is not None
+    assert places[0]["y"] == pytest.approx(places[1]["y"], abs=0.5)
+    assert places[0]["height"] == pytest.approx(places[1]["height"], abs=0.5)
+
+
 def test_what_a_button_says_is_wider_than_one_word(shared_page: Page) -> None:
     page = shared_page
     for name, lines in (("GPS outage", 5), ("Whole flight", 1), ("Another seed", 1)):

@@ -27,6 +27,7 @@ def test_a_copied_link_shows_the_same_and_text_can_be_copied_by_hand(
     expect(page.get_by_text(re.compile("^A · .*R scale 4"))).to_be_visible()
     page.get_by_role("button", name="Rename A").click()
     name = page.get_by_role("textbox", name="Name of A")
+    expect(name).to_be_focused()
     name.fill("Less R & <more>")
     name.press("Enter")
     expect(page.get_by_role("button", name="A · Less R & <more>: bring these settings back")).to_be_visible()

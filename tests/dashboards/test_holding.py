@@ -13,6 +13,7 @@ from panel.io.state import set_curdoc
 from walking import TITLES, Walk, walking
 
 from dashboards.holding import AS_DELIVERED, LONGEST_NAME, describe_differences, is_renamed, name_held
+from dashboards.pages.view_3d import legend_html
 from dashboards.query import View, query_of_view, view_of_query
 from dashboards.session import MOST_HELD, Held
 from lab.classroom.lessons.lesson_file import read_lesson
@@ -126,7 +127,7 @@ def test_a_held_result_stays_in_the_plots_and_is_compared(walk: Walk) -> None:
     assert held.verdict.headline in unescape(table)
     walk.open("Innovations")
     assert not walk.complaints()
-    entry, _rename, _away = walk.page._holding.bar.objects
+    entry, _rename, _name, _away = walk.page._holding.bar.objects
     assert entry.label.startswith("A · ")
     with set_curdoc(walk._document):
         walk.page._holding._remove(walk.page.session.held[0])
@@ -167,6 +168,12 @@ def test_what_a_lesson_hides_is_not_brought_into_another_experiment(walk: Walk) 
     walk.page.session.experiment = before
 
 
+def test_the_legend_of_the_scene_names_the_held_results_in_it(walk: Walk) -> None:
+    hold(walk)
+    words = legend_html(walk.page.session.held[0].result, 10.0, [("B", "#d6457f")])
+    assert '<span style="color:#d6457f">●</span> B, held' in words
+
+
 def test_a_held_result_is_renamed_and_an_empty_name_is_that_of_its_settings(walk: Walk) -> None:
     hold(walk)
     bar = walk.page._holding.bar
@@ -177,7 +184,7 @@ def test_a_held_result_is_renamed_and_an_empty_name_is_that_of_its_settings(walk
     ):
         with set_curdoc(walk._document):
             bar.objects[1].clicks += 1
-            name, _away = bar.objects
+            name = bar.objects[2]
             assert name.label == "Name of A"
             name.value = typed
         walk.settle()
@@ -185,8 +192,8 @@ def test_a_held_result_is_renamed_and_an_empty_name_is_that_of_its_settings(walk
         assert bar.objects[0].label == f"A · {shown}"
     with set_curdoc(walk._document):
         bar.objects[1].clicks += 1
-        bar.objects[0].param.trigger("enter_pressed")  # unchanged
-        walk.page._holding._end_renaming(0)
+        assert (bar.objects[0].visible, bar.objects[2].visible) == (False, True)
+        walk.page._holding._list()  # as after Enter, with the name unchanged
     assert bar.objects[0].label == f"A · {before}"
     with set_curdoc(walk._document):
         bar.objects[1].clicks += 1
