@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import panel as pn
 import panel_material_ui as pmui
@@ -28,6 +28,11 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.run.provenance import facts_block
 from lab.views.export import gpx, kml, make_tracks
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from dashboards.pages.base import Page
 
 WRITTEN = 0.7
 """Part of the work for a zip file that is done before it is compressed."""
@@ -167,11 +172,20 @@ def gpx_file(result: Result, _progress: Progress) -> bytes:
     return gpx.text(make_tracks(result)).encode()
 
 
-def seen_csv(names: Sequence[str], window: tuple[float, float], result: Result, _progress: Progress) -> bytes:
-    """Return some datasets of a result in a stretch of time [s], as one csv file.
+def seen_csv(page: Page, window: tuple[float, float], result: Result, _progress: Progress) -> bytes:
+    """Return the table of a page, or its datasets in a stretch of time [s], as one csv file.
 
-    Those with the time axis of the first known one are in it; the innovations, if none is known. What made it
-    stands before them in comments.
+    What made the result stands before it in comments.
+    """
+    shown = page.table(result)
+    shown = _datasets_as_table(page.seen, window, result) if shown is None else shown
+    return f"{facts_block(result.facts, '# ', short=True)}{''.join(csv_blocks(shown))}".encode()
+
+
+def _datasets_as_table(names: Sequence[str], window: tuple[float, float], result: Result) -> pd.DataFrame:
+    """Return some datasets of a result in a stretch of time [s].
+
+    Those with the time axis of the first known one are in it; the innovations, if none is known.
     """
     known = [name for name in names if not result.missing_reason(name)] or ["innovations"]
     tables = {name: table(getattr(result, name)) for name in known}
@@ -183,8 +197,7 @@ def seen_csv(names: Sequence[str], window: tuple[float, float], result: Result, 
         for column, values in one.items()
     }
     inside = (first.index >= window[0]) & (first.index <= window[1])
-    head = facts_block(result.facts, "# ", short=True)
-    return f"{head}{''.join(csv_blocks(first.assign(**together)[list(together)][inside]))}".encode()
+    return first.assign(**together)[list(together)][inside]
 
 
 def zipped_csv(result: Result, progress: Progress) -> bytes:

@@ -130,7 +130,7 @@ class SimulatorPage:
         )
         self._main.append(self._shortcuts.list)
         self._share = Share(
-            self.session, self._address, self._main, lambda: (self.pages.open_page.seen, self.axis.window)
+            self.session, self._address, self._main, lambda: (self.pages.open_page, self.axis.window)
         )
         self._listen()
 

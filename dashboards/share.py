@@ -6,7 +6,7 @@ Of a run with something hidden, neither that nor its seed is in any of these.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,6 +27,7 @@ from dashboards.exchange import (
     seen_csv,
     zipped_csv,
 )
+from dashboards.pages.base import Page
 from dashboards.pages.missions.job import Job
 from dashboards.query import query
 from dashboards.session import Session
@@ -131,7 +132,7 @@ class Share:
     main
         Where the progress of files is shown, from the first one on.
     seen
-        Returns the datasets that the visible page shows, and the visible stretch of time [s].
+        Returns the visible page, and the visible stretch of time [s].
 
     Attributes
     ----------
@@ -144,7 +145,7 @@ class Share:
         session: Session,
         address: Address,
         main: pn.Column,
-        seen: Callable[[], tuple[Sequence[str], tuple[float, float]]],
+        seen: Callable[[], tuple[Page, tuple[float, float]]],
     ) -> None:
         self._session, self._address, self._main, self._seen = session, address, main, seen
         self._job: Job | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from math import inf
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 from weakref import ref
 
 import panel as pn
@@ -14,6 +14,9 @@ from bokeh.plotting import figure
 from dashboards.style import whole_column
 from lab.experiment.result import Result
 from lab.views.figures import TimeAxis
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 GAP = 8
 AROUND = 184
@@ -79,6 +82,10 @@ class Page(ABC):
         if state != self._drawn:
             self._drawn = state
             self.draw(result)
+
+    def table(self, _result: Result) -> pd.DataFrame | None:
+        """Return the table that is on it, for the file of what is seen; None for the datasets `seen`."""
+        return None
 
     def forget(self) -> None:
         """Redraw at the next occasion, because a browser drops the content of a hidden page."""

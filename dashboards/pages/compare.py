@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from html import escape
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import panel as pn
@@ -19,7 +19,7 @@ from dashboards.ensembles import ensemble
 from dashboards.history import change_in_words
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.outages import PALE, PLAIN, Outages
-from dashboards.pages.summary import TABLE_STYLE, summary_html
+from dashboards.pages.summary import TABLE_STYLE, summary_html, summary_table
 from dashboards.pages.sweep_part import SweepPart
 from dashboards.query import query
 from dashboards.seen_names import as_seen
@@ -36,7 +36,10 @@ from lab.experiment.result import Result
 from lab.sensors.cards import card
 from lab.views.figures import TimeAxis
 from lab.views.quantities import LETTERS
-from lab.views.run_comparison import Assessment, Row, assess, assess_seeds, comparison_html
+from lab.views.run_comparison import Assessment, Row, assess, assess_seeds, comparison_frame, comparison_html
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _STYLE = """
 .change { opacity: .7; font-size: 12px; }
@@ -91,6 +94,7 @@ class Compare(ComputedPage):
         self._doing: tuple[str, ...] = ()
         self._stopped = False
         self._summary = ""
+        self._rows: list[Row] = []
         super().__init__(axis)
         if session is not None:
             session.on_run(self._end_outdated_work)
@@ -351,7 +355,12 @@ class Compare(ComputedPage):
             self._baseline.param.update(options=names, value=kept)
         differing = self._differing(result)
         rows = [row if row.group else replace(row, differs=differing.get(row.name, "")) for row in rows]
+        self._rows = rows
         self._table.object = comparison_html(rows, str(self._baseline.value))
+
+    def table(self, result: Result) -> pd.DataFrame:
+        """Return the table that is seen."""
+        return summary_table(result) if self._is_alone else comparison_frame(self._rows)
 
     def _draw_sweep(self) -> None:
         if self._wanted is not None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Hashable
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dashboards.seen_names import as_seen
 from lab.experiment.result import Result
 from lab.views.ensemble_cards import scroll_box
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TABLE_STYLE = Path(__file__).with_name("summary.css").read_text("utf-8")
 
@@ -36,6 +39,12 @@ def summary_html(result: Result) -> str:
         f"<p>{escape(result.mission.title or result.mission.name)}, {what}; {words}</p>"
         f"{scroll_box(shown, 'Summary')}{below}"
     )
+
+
+def summary_table(result: Result) -> pd.DataFrame:
+    """Return the summary of a result as a table, for a file; without a reference, that of its innovations."""
+    table = result.whiteness if result.missing_reason("summary") else result.summary
+    return table.set_index(table.columns[0])
 
 
 def _row(number: int, row: dict[Hashable, Any], names: list[str]) -> str:

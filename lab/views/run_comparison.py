@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,8 @@ from lab.experiment.datasets.flight import error_component
 from lab.views.ensemble_cards import SIGNS, scroll_box
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from lab.analysis.verdicts.verdict import Verdict
     from lab.experiment.ensembles.ensemble import Ensemble
     from lab.experiment.result import Result
@@ -35,6 +37,11 @@ class Column:
     name: str
     unit: str
     best: float | None = 0.0
+
+    @property
+    def heading(self) -> str:
+        """Its name with its unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
 COLUMNS = (
@@ -229,6 +236,30 @@ def mean_over_degrees(result: Result, group: str, name: str) -> float:
     return float(known.mean() / degrees) if known.size and degrees else float("nan")
 
 
+def comparison_frame(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return rows as a table, for a file: figures, of many runs their standard deviations, and verdicts."""
+    import pandas as pd  # noqa: PLC0415 - takes half a second
+
+    found = [row.found or Assessment() for row in rows]
+    table: dict[str, list[object]] = {"Of": [row.group for row in rows]}
+    for column in _known_columns(rows):
+        table[column.heading] = [one.values.get(column, np.nan) for one in found]
+        if any(column in one.spread for one in found):
+            spread = replace(column, name=f"{column.name}, standard deviation")
+            table[spread.heading] = [one.spread.get(column, np.nan) for one in found]
+    table["Verdict"] = [one.verdict for one in found]
+    return pd.DataFrame(table, index=pd.Index([row.name for row in rows], name="Run"))
+
+
+def _known_columns(rows: Sequence[Row]) -> list[Column]:
+    """Return the figures that any row has."""
+    return [
+        column
+        for column in COLUMNS
+        if any(row.found is not None and column in row.found.values for row in rows)
+    ]
+
+
 def comparison_html(rows: Sequence[Row], baseline: str = "") -> str:
     """Return rows as an HTML table, with the best of each column in bold.
 
@@ -239,11 +270,8 @@ def comparison_html(rows: Sequence[Row], baseline: str = "") -> str:
     baseline
         Name of the row to which errors are compared in percent; by default the first.
     """
-    found = [row.found for row in rows if row.found is not None]
-    columns = [column for column in COLUMNS if any(column in one.values for one in found)]
-    heads = "".join(
-        f"<th>{escape(column.name)}{f' [{column.unit}]' if column.unit else ''}</th>" for column in columns
-    )
+    columns = _known_columns(rows)
+    heads = "".join(f"<th>{escape(column.heading)}</th>" for column in columns)
     body, group = [], ""
     for row in rows:
         if row.group and row.group != group:

@@ -18,10 +18,12 @@ import pytest
 from panel.io.state import set_curdoc
 
 from dashboards import share
+from dashboards.session import Held
 from dashboards.share import Kind, ShareMenu, command_of, python_of
 from lab.classroom.gallery.faults import FAULTS
 from lab.classroom.gallery.faulty_experiment import FaultyExperiment
 from lab.experiment.experiment import Experiment
+from lab.views.run_comparison import assess
 from tests.dashboards.walking import Walk, walking
 from tests.views.export.test_full_disk import files_up_to
 
@@ -156,6 +158,28 @@ def test_what_is_seen_is_the_visible_stretch_of_the_page(walk: Walk, files: Give
     assert read.index.name == "time_gps [s]"
     assert 10 <= len(read) <= 11
     walk.page.axis.whole()
+
+
+def test_what_is_seen_of_a_comparison_is_its_table(walk: Walk, files: Given) -> None:
+    walk.open("Compare")
+    result = walk.page.session.result
+    assert result is not None
+    read = pd.read_csv(io.BytesIO(given(walk, "seen", files)), index_col=0, comment="#")
+    assert list(read.index) == list(result.summary["quantity"])
+    np.testing.assert_allclose(read["rms"], result.summary["rms"], rtol=1e-11)
+    other = result.experiment.copy()
+    other.set("navigator.q_scale", 0.1)
+    walk.page.session.held = (Held("a, b", other.run()),)
+    walk.settle()
+    read = pd.read_csv(io.BytesIO(given(walk, "seen", files)), index_col=0, comment="#")
+    assert list(read.index) == ["A · a, b", "Now"]
+    for name, run in (("A · a, b", walk.page.session.held[0].result), ("Now", result)):
+        found = assess(run)
+        assert read.loc[name, "Verdict"] == found.verdict
+        for column, value in found.values.items():
+            assert read.loc[name, column.heading] == pytest.approx(value, rel=1e-11)
+    walk.page.session.held = ()
+    walk.settle()
 
 
 @pytest.mark.proof
