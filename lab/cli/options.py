@@ -215,9 +215,10 @@ def cluster_of(scheduler: str | None) -> Iterator[Client | None]:
 
 def single_mission(mission: str) -> str:
     """Return the mission in a named folder; for a log, the folder itself."""
-    if not Path(mission).is_dir() or mission in find_missions() or is_log_folder(Path(mission)):
+    folder = Path(mission)
+    if not mission or not folder.is_dir() or mission in find_missions() or is_log_folder(folder):
         return mission
-    inside = [str(path) for path in sorted(Path(mission).glob("*.toml"))]
+    inside = [str(path) for path in sorted(folder.glob("*.toml"))]
     if len(inside) != 1:
         holds = ", ".join(inside) or "no mission"
         raise CommandError(
