@@ -126,7 +126,8 @@ def _plots(result: Result, shaded: Sequence[tuple[float, float]]) -> Iterator[tu
         yield "Errors, with ±3σ of the filter", _draw_figures(ERRORS, axis, result)
     yield "Innovations, with ±3σ of the filter", _draw_figures(INNOVATIONS, axis, result)
     yield "Consistency, with the band of 95 % of a matched filter", _draw_figures(CONSISTENCY, axis, result)
-    yield "Biases: the estimate with ±3σ, and the truth", _draw_figures(SENSOR_ERRORS, axis, result)
+    truth = ", and the truth" if result.recorded is None else ""
+    yield f"Biases: the estimate with ±3σ{truth}", _draw_figures(SENSOR_ERRORS, axis, result)
     track = TrackFigure()
     track.show(result, 0.0)
     track.figure.toolbar_location = None

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sensor_logs import tables, write
 
 from lab.base.parameters.toml_file import parse_toml
 from lab.experiment.experiment import Experiment
@@ -69,6 +70,13 @@ def test_a_report_has_its_verdict_the_changes_and_the_tables(changed: Result, ht
         assert f"<td>{value:.3g}</td>" in text
     assert text.count('<div class="plots">') == 5
     assert len(html) < LARGEST
+
+
+def test_a_report_of_a_log_promises_no_truth_of_the_biases(tmp_path: Path, html: str) -> None:
+    headings = re.compile(r"<h2>(Biases.*?)</h2>")
+    log = Experiment(mission=str(write(tmp_path / "drive", tables(20, 80)))).run()
+    assert headings.findall(report_html(log)) == ["Biases: the estimate with ±3σ"]
+    assert headings.findall(html) == ["Biases: the estimate with ±3σ, and the truth"]
 
 
 def test_nothing_is_fetched_from_elsewhere(html: str) -> None:
