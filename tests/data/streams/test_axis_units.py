@@ -14,6 +14,12 @@ from lab.data.streams.reception import Reception
 from lab.data.streams.transport import Chunk
 
 M, RAD = (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)
+SI = ColumnMap(
+    (
+        *(Column(f"rate_{axis}", "rad/s") for axis in "xyz"),
+        *(Column(f"force_{axis}", "m/s²") for axis in "xyz"),
+    )
+)
 
 
 def received(text: str, reception: Reception | None = None) -> tuple[np.ndarray, Reception]:
@@ -74,13 +80,11 @@ def test_a_slip_in_both_is_said_one_after_the_other():
 
 def test_an_axis_that_has_not_been_tilted_is_not_said_to_be_read_right():
     """While y feels no gravity, g and m/s² explain it alike: nothing is said before it has been tilted."""
-    columns = [Column(f"rate_{axis}", "rad/s") for axis in "xyz"]
-    columns += [Column(f"force_{axis}", "m/s²") for axis in "xyz"]
     time = np.arange(0, 40, 0.02)
     pitch, roll = 0.6 * np.sin(1.9 * time), np.where(time < 20, 0.0, 0.5 * np.sin(1.3 * time))
     up = np.column_stack((-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)))
     force = G * up + np.random.default_rng(1).normal(0, 0.03, up.shape)
-    units = AxisUnits(ColumnMap(tuple(columns)))
+    units = AxisUnits(SI)
     said = []
     for rows in np.split(np.arange(len(time)), len(time) // 50):
         units.add(time[rows], np.zeros((len(rows), 3)), force[rows] / (G, G, 1.0))
@@ -117,18 +121,22 @@ def thrown(rng: np.random.Generator, t: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("made", [braking, biased, thrown])
 @pytest.mark.parametrize("seed", range(5))
 def test_accelerations_are_no_units(made: Callable[[np.random.Generator, np.ndarray], np.ndarray], seed):
+    """As the text of a device, and four times as the numbers that are read from it."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, 600, 0.02)
     rows = np.hstack((G * made(rng, t), 0.02 * rng.standard_normal((t.size, 3))))
     rows[:, 5] += 0.6  # turning, so that nothing here is at rest for long
+    parts = np.split(np.arange(t.size), t.size // 50)
+    if seed:
+        units = AxisUnits(SI)
+        for part in parts:
+            units.add(t[part], rows[part, 3:], rows[part, :3])
+            assert not units.sentence
+        return
     head = "t(s),ax(m/s2),ay(m/s2),az(m/s2),gx(rad/s),gy(rad/s),gz(rad/s)\n"
     lines = [f"{now:.2f}," + ",".join(f"{one:.4f}" for one in row) for now, row in zip(t, rows, strict=True)]
     reception = Reception()
-    for at in range(0, len(lines), 50):
-        reception.accept(
-            Chunk(
-                float(t[min(at + 49, t.size - 1)]),
-                (head * (not at) + "\n".join(lines[at : at + 50]) + "\n").encode(),
-            )
-        )
+    for part in parts:
+        text = head * (not part[0]) + "\n".join(lines[part[0] : part[-1] + 1]) + "\n"
+        reception.accept(Chunk(float(t[part[-1]]), text.encode()))
     assert not reception.question
