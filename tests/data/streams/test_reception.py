@@ -414,7 +414,17 @@ LOST = {
 """Which samples arrive."""
 
 
-@pytest.mark.parametrize("words", LOST)
+@pytest.mark.parametrize(
+    "words",
+    [
+        "every second",
+        "half by chance",
+        *(
+            pytest.param(words, marks=pytest.mark.proof)
+            for words in ("two of three", "every third", "one in ten by chance")
+        ),
+    ],
+)
 @pytest.mark.parametrize(("device", "rate"), [("xsens", 0.0), ("mip", 100.0), ("text", 100.0), ("mip", 0.0)])
 def test_regular_losses_are_counted(device: str, rate: float, words: str) -> None:
     """A counter or a rate that a person says shows all of them, the clock those that leave single steps."""
