@@ -230,3 +230,33 @@ def test_the_legend_of_the_budget_stands_below_in_a_narrow_window_of_a_mouse(
     for width, below in ((390, True), (360, True), (700, False), (480, True), (1440, False)):
         page.set_viewport_size({"width": width, "height": 900})
         wait_for(page, f"String({places}) === '{str(below).lower()},true'")
+
+
+REPAINTS = """() => {
+  const [view] = window.insLabPlots, cursor = Bokeh.documents[0].get_model_by_name("time cursor");
+  const parts = [...view.renderer_views.values()];
+  view.paint();
+  const painted = [];
+  for (const layer of ["_paint_primary", "_paint_overlays"]) {
+    const paint = view[layer];
+    view[layer] = (ctx) => {
+      painted.push(layer);
+      paint.call(view, ctx);
+    };
+  }
+  cursor.setv({location: cursor.location + 1}, {sync: false});
+  view.paint();
+  delete view._paint_primary;
+  delete view._paint_overlays;
+  cursor.setv({location: cursor.location - 1}, {sync: false});
+  const curves = parts.filter(({model}) => model.type === "GlyphRenderer");
+  const progress = Array.from(Bokeh.index.query(({model}) => model.css_classes?.includes("progress")))[0];
+  return [painted, curves.map(({position}) => position.css).join(""), progress.el.offsetHeight > 15];
+}"""
+"""Which layers of a plot a move of the time cursor paints, what style its curves write with a repaint, and
+whether the text of the progress, which is empty, is as high as a line."""
+
+
+def test_what_moves_over_plots_paints_itself_alone_and_runs_lay_no_page_out(shared_page: Page) -> None:
+    wait_for(shared_page, IDLE)
+    assert shared_page.evaluate(REPAINTS) == [["_paint_overlays"], "", True]
