@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
+from lab.navigation.aids import NAMES
+from lab.navigation.filters.blocks import FURTHER
+from lab.views.flight_plots import FLIGHT, sensor_plots
+from lab.views.live_figures import LiveFigures
+from lab.views.overview import BY_INNOVATIONS, CROSS_CHECKS, OVERVIEW, key_figures
 from lab.views.quantities import (
     CONSISTENCY,
     COVARIANCE,
@@ -16,8 +23,12 @@ from lab.views.quantities import (
     SCALE_COVARIANCE,
     SCALE_ERRORS,
     SENSOR_ERRORS,
+    TEMPERATURE,
+    aid_plots,
+    further_plots,
     with_scale,
 )
+from lab.views.rolling_figures import LiveErrorFigures
 from lab.views.time_plot import TimePlot
 
 PLOTS = {
@@ -66,6 +77,45 @@ def test_units_are_those_of_the_datasets(result: Result) -> None:
     for plot in INNOVATIONS:
         variable = plot.name.split("_")[1]
         assert plot.unit == result.innovations[variable].attrs["units"]
+
+
+UNITS = (
+    ("nees|nis", ""), ("(position|velocity) innovations|innovations,", "σ"), ("scale factor", "%"),
+    ("temperature", "°C"), ("sensitivity", "°/s/g"), ("angular rate|gyro (bias|drift)", "°/s"),
+    ("accelerometer (bias|drift)", "mg"), ("force", "m/s²"), ("latency", "s"), ("speed|velocity", "m/s"),
+    ("position|height|withheld|gps drift|barometer bias|lever arm", "m"),
+    ("attitude|heading|roll|pitch|misalignment", "°"),
+)  # fmt: skip
+"""What a title speaks of, and the unit of that: the first that is found."""
+
+
+def test_every_plot_has_the_unit_of_what_its_title_names() -> None:
+    plots = (
+        *(*ERRORS, *COVARIANCE, *SENSOR_ERRORS, *CONSISTENCY, *HEIGHT, *SCALE_ERRORS, *SCALE_COVARIANCE),
+        *(*FLIGHT, *OVERVIEW, *BY_INNOVATIONS, *CROSS_CHECKS, *TEMPERATURE, *further_plots(FURTHER)),
+        *(*aid_plots(tuple(range(len(NAMES)))), *sensor_plots(tuple(range(len(NAMES))))),
+    )
+    shown = {(plot.title.removesuffix(" innovation"), plot.unit) for plot in plots}
+    for figures in (LiveFigures(), LiveErrorFigures(20.0)):
+        drawn = (re.fullmatch(r"(.*) \[(.*)\]: none yet", one.title.text) for one in figures.figures)
+        shown |= {(one[1], one[2]) for one in drawn if one}
+    assert len(shown) > 70
+    for title, unit in shown:
+        assert unit == next(unit for words, unit in UNITS if re.search(words, title.lower())), title
+
+
+def test_the_figures_of_a_glance_are_those_of_the_tables(result: Result) -> None:
+    rms = result.summary.set_index("quantity")["rms"]
+    east, north, *velocity = (rms[f"{one}"] for one in rms.index[:6] if one != "position up")
+    expected = {
+        "Horizontal position, rms": (np.hypot(east, north), "m"),
+        "Velocity, rms": (np.linalg.norm(velocity), "m/s"),
+        "Heading, rms": (rms["attitude heading"], "°"),
+    }
+    found = {one.label: one.value for one in key_figures(result)}
+    assert list(found)[:3] == list(expected)
+    for label, (value, unit) in expected.items():
+        assert found[label] == f"{value:.3g}\N{THIN SPACE}{unit}"
 
 
 @pytest.mark.parametrize("n", [15, 21])

@@ -13,7 +13,6 @@ from lab.experiment.experiment import Experiment
 from lab.experiment.result import Result
 from lab.views.run_comparison import (
     COLUMNS,
-    INSIDE,
     MOST_POSITION,
     NEES,
     NIS,
@@ -47,21 +46,25 @@ def cells(html: str, name: str) -> list[str]:
 
 
 def test_the_figures_are_those_of_the_tables(result: Result) -> None:
-    found = assess(result).values
+    found = {f"{column.name} {column.unit}": value for column, value in assess(result).values.items()}
     rms = result.summary.set_index("quantity")["rms"]
     east, north, up = (rms[f"position {axis}"] for axis in ("east", "north", "up"))
-    assert found[RMS_POSITION] == pytest.approx(np.hypot(east, north))
-    assert found[RMS_HEIGHT] == pytest.approx(up)
+    assert found["Horizontal, rms m"] == pytest.approx(np.hypot(east, north))
+    assert found["Height, rms m"] == pytest.approx(up)
     speeds = [rms[f"velocity {axis}"] for axis in ("east", "north", "up")]
-    assert found[RMS_VELOCITY] == pytest.approx(np.linalg.norm(speeds))
-    assert found[RMS_LEVEL] == pytest.approx(np.hypot(rms["attitude roll"], rms["attitude pitch"]))
-    assert found[RMS_HEADING] == pytest.approx(rms["attitude heading"])
-    assert found[NIS] == pytest.approx(float(result.innovations["nis"].mean()) / 6)
-    assert found[NEES] == pytest.approx(float(result.consistency["nees"].mean()) / 15)
+    assert found["Velocity, rms m/s"] == pytest.approx(np.linalg.norm(speeds))
+    assert found["Roll and pitch, rms °"] == pytest.approx(
+        np.hypot(rms["attitude roll"], rms["attitude pitch"])
+    )
+    assert found["Heading, rms °"] == pytest.approx(rms["attitude heading"])
+    assert found["NIS per measured value "] == pytest.approx(float(result.innovations["nis"].mean()) / 6)
+    assert found["NEES per state "] == pytest.approx(float(result.consistency["nees"].mean()) / 15)
     position = result.errors["position"].values
-    assert found[MOST_POSITION] == pytest.approx(np.quantile(np.hypot(position[:, 0], position[:, 1]), 0.95))
-    assert 90 < found[INSIDE] <= 100
-    assert OUTAGE_END not in found
+    assert found["Horizontal, 95 % m"] == pytest.approx(
+        np.quantile(np.hypot(position[:, 0], position[:, 1]), 0.95)
+    )
+    assert 90 < found["Inside ±3σ %"] <= 100
+    assert not any("outages" in name for name in found)
 
 
 def test_a_table_names_the_runs_marks_the_best_and_says_the_difference(result: Result, other: Result) -> None:

@@ -37,6 +37,12 @@ def test_all_terms_are_found_and_gain(how: dict[str, object]) -> None:
     one, made = found(1, **how)
     assert all(term.is_known for term in one.terms)
     assert len(one.stated) == 24
+    assert {(term.group, term.name): term.unit for term in one.terms} == {
+        ("accelerometer", "bias"): "m/s²",
+        ("gyro", "bias"): "°/s",
+        **dict.fromkeys(((group, "scale factor") for group in ("accelerometer", "gyro")), "%"),
+        **dict.fromkeys(((group, "misalignment") for group in ("accelerometer", "gyro")), "°"),
+    }
     truth = made.terms
     for term in one.terms:
         assert abs(term.value - truth[term.group, term.name, term.axis]) < 5 * term.sigma, str(term)

@@ -62,7 +62,7 @@ def test_a_turn_about_one_axis_shows_the_iron_in_its_plane_alone() -> None:
     one = calibrate(*fields(rng, np.eye(3), hard, level=True), "car")
     assert one.model == PLANE
     assert one.judgement.gains
-    known = {term.axis: term for term in one.terms if term.name == "hard iron"}
+    known = {term.axis: term for term in one.terms if (term.name, term.unit) == ("hard iron", "µT")}
     assert not known["z"].is_known
     for k, axis in enumerate("xy"):
         assert (
