@@ -67,6 +67,20 @@ def test_a_track_that_a_setting_refuses_comes_with_that_setting(draft: Draft, tm
     assert (draft._fields.view.visible, draft._add.visible) == (True, True)
 
 
+def test_a_setting_that_a_report_advises_is_named_as_its_field(draft: Draft, tmp_path: Path) -> None:
+    path = tmp_path / "walk.gpx"
+    times = [f"2024-01-01T12:{t // 60:02d}:{t % 60:02d}Z" for t in (i + 30 * (i // 12) for i in range(48))]
+    points = (
+        f'<trkpt lat="{48 + 1e-5 * i}" lon="11"><ele>500</ele><time>{time}</time></trkpt>'
+        for i, time in enumerate(times)
+    )
+    path.write_text(f"<gpx><trk><trkseg>{''.join(points)}</trkseg></trk></gpx>", encoding="utf-8")
+    draft.read([path])
+    for said in (draft._verdict._words.object, draft._report.object):
+        assert "“Longest gap” = 31 keeps 100 % of the samples" in said
+        assert "--set" not in said
+
+
 def rest(path: Path, size: float) -> Path:
     """Write an IMU at rest and fixes in a table whose headings name no unit."""
     lines = ["t,gx,gy,gz,ax,ay,az,lat,lon,alt"]

@@ -177,7 +177,7 @@ class Draft:
                 alone = _log_alone(paths, axes) if raw is None else None
                 if alone is not None:
                     return _Read(None, alone, "")
-                text = self._columns.located(without_folder(str(error)))
+                text = self._fields.located(self._columns.located(without_folder(str(error))))
                 if flight is not None and flight.unmeasured:
                     return _Read(None, None, text, flight)
                 if proposed:
@@ -219,9 +219,10 @@ class Draft:
         words = (
             describe_fine_samples(flight.flight.raw.time) if verdict == "plausible" else verdict.capitalize()
         )
-        self._verdict.say(words, SEVERITY[verdict], flight.report.reasons)
+        reasons = [self._fields.located(reason) for reason in flight.report.reasons]
+        self._verdict.say(words, SEVERITY[verdict], reasons)
         self._add.label = f"{SIMULATE}, all the same" if verdict == "implausible" else SIMULATE
-        self._report.object = rows_html(flight.report)
+        self._report.object = self._fields.located(rows_html(flight.report))
         self._units.show(() if self._table.view.visible else flight.raw.units)
         self._preview[:] = list(_panes(flight))
 

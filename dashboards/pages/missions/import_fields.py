@@ -35,6 +35,12 @@ class SettingFields:
         fields = [self._make(path, name) for path, _, name in settings.leaves()]
         self.view = _card("Reconstruction", *(made.view for made in fields))
 
+    def located(self, message: str) -> str:
+        """Return a message with the names of these fields in place of the options of ``ins-lab import``."""
+        for _path, _owner, name in self._settings.leaves():
+            message = message.replace(f"--set {name}=", f"“{self._settings.param[name].label}” = ")
+        return message
+
     def _make(self, path: str, name: str) -> Field:
         def change(value: Any) -> None:
             self._settings.set(path, value)
