@@ -153,7 +153,7 @@ def test_the_deviation_grows_and_becomes_a_card(
 
     source = part._figures.figures[0].renderers[0].data_source
     one.until(told(lambda: len(source.data["at"]) > 3))
-    assert "At rest for" in part._words.object
+    assert "A record of" in part._words.object
     assert "τ = 100 s is reached in" in part._words.object
     assert source.data["x"][0] > 0
     one.until(told(lambda: not part._maker.button.disabled))

@@ -143,7 +143,7 @@ class GrowingAllan:
         if not self._count:
             return f"Waiting for samples of a device at rest. {self.why}".rstrip()
         values = count_noun(self._count, "value")
-        text = f"At rest for {self.duration:.0f} s, {values} with {1 / self.dt:.4g} Hz."
+        text = f"A record of {self.duration:.0f} s, {values} with {1 / self.dt:.4g} Hz."
         if self._halved:
             text += f" {2**self._halved} samples are averaged to one value, so that the memory stays bounded."
         if self.filled:
