@@ -109,24 +109,36 @@ def card_table() -> dict[str, Any]:
     suite = SensorSuite().groups()
     heads = ["Sensor", "Grade"]
     heads += [f"{title} [{suite[group].param[term].unit}]" for group, term, title in KEY_TERMS]
-    return {"heads": [*heads, "States"], "rows": [_row(name, one) for name, one in cards().items()]}
+    known = cards()
+    priced = any(one.price for one in known.values())
+    heads += ["Price"] if priced else []
+    return {"heads": [*heads, "States"], "rows": [_row(name, one, priced) for name, one in known.items()]}
 
 
-def _row(name: str, one: Card) -> dict[str, Any]:
+def _row(name: str, one: Card, priced: bool) -> dict[str, Any]:
     trial = Experiment()
     one.load(trial)
     values = [one.value(group, term) for group, term, _ in KEY_TERMS]
     states = int(trial.navigator.states)
+    texts = [shown(_short(value)) or "–" for value in values]
+    keys = [None if value is None else float(np.max(value)) for value in values]
+    if priced:  # as one more figure, which is never assumed
+        texts.append(f"{one.price.value:g} {one.price.unit}" if one.price else "–")
+        keys.append(float(np.max(one.price.value)) if one.price else None)
     return {
         "name": name,
-        "texts": [name, one.grade, *(shown(_short(value)) or "–" for value in values), str(states)],
+        "texts": [name, one.grade, *texts, str(states)],
         "keys": [
             name.casefold(),
             GRADES.index(one.grade),
-            *(None if value is None else float(np.max(value)) for value in values),
+            *keys,
             states,
         ],
-        "assumed": [False, False, *(one.is_assumed(group, term) for group, term, _ in KEY_TERMS), False],
+        "assumed": [
+            *(False, False),
+            *(one.is_assumed(group, term) for group, term, _ in KEY_TERMS),
+            *[False] * (1 + priced),
+        ],
     }
 
 

@@ -24,7 +24,15 @@ from lab.base.notebook_card import NotebookCard
 from lab.base.parameters.setting_error import SettingError
 from lab.base.parameters.settings import Settings
 from lab.base.parameters.toml_file import TomlError, read_toml, toml_text
-from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, find_setting, read_sources, read_terms
+from lab.sensors.datum import (
+    OF_THE_VEHICLE,
+    Datum,
+    check_keys,
+    find_setting,
+    read_price,
+    read_sources,
+    read_terms,
+)
 from lab.sensors.imu_errors import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import TRIADS, SensorSuite
 
@@ -64,7 +72,7 @@ NO_ERRORS = ("range", "bandwidth")
 """Terms of these whose absence makes no error of a sensor zero."""
 
 _TEXTS = ("maker", "grade", "note")
-_KEYS = (*_TEXTS, "sources", *GROUPS, "assumed")
+_KEYS = (*_TEXTS, "price", "sources", *GROUPS, "assumed")
 
 Terms = Mapping[str, Mapping[str, Datum]]
 
@@ -84,6 +92,8 @@ class Card(NotebookCard):
         setting.
     assumed : mapping of mappings of Datum
         Assumed numbers for terms that are not given, in the same form.
+    price : Datum or None
+        What one sensor costs, in a currency, where that is cited.
     """
 
     CARD: ClassVar[str] = "sensor card"
@@ -94,6 +104,7 @@ class Card(NotebookCard):
     note: str
     terms: Terms
     assumed: Terms = field(default_factory=dict)
+    price: Datum | None = None
 
     def __repr__(self) -> str:
         given, assumed = (sum(map(len, terms.values())) for terms in (self.terms, self.assumed))
@@ -199,9 +210,12 @@ class Card(NotebookCard):
         """Return the card in the form of its TOML file, with assumed numbers in a separate table."""
         both = (self.terms, self.assumed)
         data = [datum for terms in both for group in terms.values() for datum in group.values()]
+        data += [self.price] if self.price else []
         sources = sorted({datum.source for datum in data})
         keys = {source: f"source{number}" for number, source in enumerate(sources, 1)}
         card: dict[str, Any] = {"maker": self.maker, "grade": self.grade, "note": self.note}
+        if self.price:
+            card["price"] = self.price.entry(keys[self.price.source])
         card["sources"] = {key: source for source, key in keys.items()}
         card |= _entries(self.terms, keys)
         # An empty table means that nothing is assumed, although the grade has typical values.
@@ -363,7 +377,9 @@ def _card(where: str, name: str, table: Any) -> Card:
     }
     if not any(terms.values()):
         raise SettingError(f"{where}: has no numbers; accepted are tables {', '.join(GROUPS)}")
-    return Card(name=name, terms=terms, assumed=_assumed_terms(where, table, terms, sources), **texts)
+    price = read_price(f"{where}, price", table["price"], sources) if "price" in table else None
+    assumed = _assumed_terms(where, table, terms, sources)
+    return Card(name=name, terms=terms, assumed=assumed, price=price, **texts)
 
 
 def _assumed_terms(where: str, table: Mapping[str, Any], terms: Terms, sources: Mapping[str, str]) -> Terms:

@@ -151,6 +151,23 @@ def read_terms(where: str, declared: Settings, table: Any, sources: Mapping[str,
     return terms
 
 
+def read_price(where: str, entry: Any, sources: Mapping[str, str]) -> Datum:
+    """Return the price of a card, whose unit is its currency.
+
+    Raises
+    ------
+    SettingError
+        If it has no source, is not above zero, or its currency is not named by three letters.
+    """
+    _check_datum(where, entry, _KEYS[:3], sources)
+    value, unit = entry["value"], entry["unit"]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise SettingError(f"{where}, value: {value!r}; accepted is a number above zero")
+    if not (isinstance(unit, str) and re.fullmatch("[A-Z]{3}", unit)):
+        raise SettingError(f"{where}, unit: {unit!r}; accepted are three capital letters, as USD")
+    return Datum(float(value), unit, sources[entry["source"]])
+
+
 def find_setting(word: str) -> str:
     """Return the setting that a word of data sheets means, in capitals or not; any other word as it is."""
     plain = re.sub(r"[\s-]+", "_", word.casefold())
@@ -187,21 +204,26 @@ def check_keys(where: str, table: Iterable[str], accepted: Iterable[str]) -> Non
             raise SettingError(f"{where}: there is no {key!r}.{hint} Accepted: {', '.join(accepted)}")
 
 
-def _datum(where: str, entry: Any, parameter: Any, sources: Mapping[str, str]) -> Datum:
+def _check_datum(where: str, entry: Any, accepted: Iterable[str], sources: Mapping[str, str]) -> None:
+    """Raise `SettingError` unless a datum has its keys, and one of the sources."""
     if not isinstance(entry, Mapping):
         raise SettingError(f"{where}: {entry!r}; accepted is {{ value = ..., unit = ..., source = ... }}")
-    check_keys(where, entry, _KEYS if parameter.name == DENSITY else _KEYS[:3])
+    check_keys(where, entry, accepted)
     lacking = [key for key in _KEYS[:3] if key not in entry]
     if lacking:
         raise SettingError(f"{where}: {lacking[0]} is missing; accepted are value, unit and source")
-    units = next((kind for kind in ALIKE if parameter.unit in kind), (parameter.unit,))
-    if entry["unit"] not in units:
-        raise SettingError(f"{where}, unit: {entry['unit']!r}; accepted is {' or '.join(units)}")
     if not isinstance(entry["source"], str) or entry["source"] not in sources:
         known = ", ".join(sources) or "none yet"
         raise SettingError(
             f"{where}, source: {entry['source']!r} is not in the table sources; accepted: {known}"
         )
+
+
+def _datum(where: str, entry: Any, parameter: Any, sources: Mapping[str, str]) -> Datum:
+    _check_datum(where, entry, _KEYS if parameter.name == DENSITY else _KEYS[:3], sources)
+    units = next((kind for kind in ALIKE if parameter.unit in kind), (parameter.unit,))
+    if entry["unit"] not in units:
+        raise SettingError(f"{where}, unit: {entry['unit']!r}; accepted is {' or '.join(units)}")
     density = entry.get("density", "")
     accepted = (TWO_SIDED,) if _is_random_walk(entry["unit"]) else (ONE_SIDED, TWO_SIDED)
     if "density" in entry and density not in accepted:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from dashboards.pages.sensor_cards import CardTable, SensorCards, card_table
 from dashboards.pages.sheet_form import SheetForm
 from lab.experiment.experiment import Experiment
 from lab.sensors.cards import card, cards
+from lab.sensors.datum import Datum
 
 
 @pytest.fixture
@@ -37,6 +39,19 @@ def test_each_card_has_a_row_of_its_numbers_and_of_the_filter_that_it_loads() ->
         noise = trial.sensors.gyro.noise_density
         assert row["keys"][2] == pytest.approx(float(np.max(noise)), rel=1e-9)
         assert row["assumed"][3] == card(name).is_assumed("gyro", "flicker")
+
+
+def test_prices_stand_in_the_table_once_a_card_cites_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "Price" not in card_table()["heads"]
+    known = dict(cards())
+    known["BMI270"] = replace(known["BMI270"], price=Datum(4.0, "USD", "a shop, 2026"))
+    monkeypatch.setattr("dashboards.pages.sensor_cards.cards", lambda: known)
+    found = card_table()
+    place = found["heads"].index("Price")
+    rows = {row["name"]: (row["texts"][place], row["keys"][place]) for row in found["rows"]}
+    assert rows.pop("BMI270") == ("4 USD", 4.0)
+    assert set(rows.values()) == {("–", None)}
+    assert {len(row[part]) for row in found["rows"] for part in ("texts", "keys", "assumed")} == {place + 2}
 
 
 def test_a_press_on_a_name_loads_the_card_and_undo_takes_it_back(walk: Walk) -> None:

@@ -223,6 +223,26 @@ def test_an_own_card_is_read(tmp_path: Path) -> None:
     assert card.terms["gyro"]["noise_density"].source == "a sheet, rev. 1"
 
 
+def test_a_price_has_a_currency_and_a_source(tmp_path: Path) -> None:
+    price = 'price = { value = 12.5, unit = "USD", source = "sheet" }'
+    priced = OWN.replace('grade = "own"', f'grade = "own"\n{price}')
+    found = cards.card(_write(tmp_path, priced))
+    assert found.price is not None
+    assert (found.price.value, found.price.unit, found.price.source) == (12.5, "USD", "a sheet, rev. 1")
+    assert cards.card(_write(tmp_path, found.to_toml())).price == found.price
+    assert cards.card(_write(tmp_path, OWN)).price is None
+    for old, new, word in (
+        ("12.5", "-1", "above zero"),
+        ("12.5", "true", "above zero"),
+        ("12.5", "nan", "above zero"),
+        ('"USD"', '"$"', "three capital letters"),
+        (', source = "sheet" }', " }", "source is missing"),
+        ('"USD", source = "sheet" }', '"USD", source = "shop" }', "'shop' is not in the table"),
+    ):
+        with pytest.raises(SettingError, match=word):
+            cards.card(_write(tmp_path, priced.replace(old, new, 1)))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_card_is_written_as_it_was_read(name: str, tmp_path: Path) -> None:
     card = cards.card(name)
