@@ -28,7 +28,11 @@ function writing(ask) {
     return button
   }
   let about = {}
-  const close = () => { element.hidden = true }
+  let before = null  // what had the focus, and gets it back
+  const close = () => {
+    element.hidden = true
+    before?.focus()
+  }
   const send = (text) => {
     close()
     ask(about.note === undefined ? {start: about.start, end: about.end, text} : {note: about.note, text})
@@ -46,6 +50,10 @@ function writing(ask) {
   })
   const open = (note) => {
     about = note
+    if (element.hidden) {
+      before = document.activeElement
+      while (before?.shadowRoot?.activeElement) before = before.shadowRoot.activeElement
+    }
     when.textContent = note.end > note.start ? `${clock(note.start)} to ${clock(note.end)}` : clock(note.start)
     field.value = note.text
     away.hidden = note.note === undefined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import pytest
@@ -221,6 +222,11 @@ def test_a_link_opens_the_missions_with_all_their_cards_and_its_note_is_text_to_
     expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_be_visible()
     wait_for(page, "location.search.includes('note=20-30:2%20h%20%3F')")
     shown(page, "Errors")
+    write = page.get_by_role("button", name=re.compile("^Note on the visible stretch"))
+    write.press("Enter")  # with keys alone, one is where one was once the note is written, or not
+    expect(field).to_be_focused()
+    field.press("Escape")
+    expect(write).to_be_focused()
     page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s").click()
     page.get_by_role("button", name="Delete", exact=True).click()
     expect(page.get_by_role("button", name="2 h ?: 20.0 s to 30.0 s")).to_have_count(0)
