@@ -38,12 +38,12 @@
         if (data?.attributes?.dark_theme === false) { data.setv({dark_theme: true}, {sync: data === frame}); }
       }
     }
-    if (frame && window.innerWidth < 1100) { frame.sidebar_open = false; }
-    const covers = window.matchMedia("(max-width: 599.95px)");  // where the settings lie over the page
+    const narrow = window.matchMedia("(max-width: 1099.95px)");
     let was_open = false;
-    covers.addEventListener("change", () => {
-      if (covers.matches) { was_open = frame.sidebar_open; }
-      frame.sidebar_open = was_open && !covers.matches;
+    if (frame && narrow.matches) { frame.sidebar_open = false; }
+    narrow.addEventListener("change", () => {
+      if (narrow.matches) { was_open = frame.sidebar_open; }
+      frame.sidebar_open = was_open && !narrow.matches;
     });
     watch_silence(pulled._connection, () => pulled.request_server_info());
     return pulled;

@@ -133,6 +133,18 @@ def test_the_header_and_the_legend_fit_a_phone_whatever_mission_and_verdict_are_
         page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
 
 
+def test_the_settings_close_in_a_window_that_becomes_too_narrow_for_them(shared_page: Page) -> None:
+    """They took half of it, and the last button of a page was beyond its edge."""
+    page = shared_page
+    expect(page.get_by_role("button", name="Close drawer")).to_be_visible()
+    page.set_viewport_size({"width": 1024, "height": 768})
+    try:
+        expect(page.get_by_role("button", name="Open drawer")).to_be_visible()
+    finally:
+        page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    expect(page.get_by_role("button", name="Close drawer")).to_be_visible()
+
+
 def test_a_finger_that_scrolls_the_settings_moves_no_slider_but_by_its_thumb(
     chromium: Browser, address: str
 ) -> None:
