@@ -37,6 +37,8 @@ def test_px4_innovations_are_normalised_by_their_variances(tmp_path, values) -> 
     innovations, variances = values
     log = read_filter_log(put(tmp_path, "a.ulg", px4(TIME, innovations, variances)))
     found = {one.name: one for one in log.lane.innovations}
+    units = {"velocity": "m/s", "position": "m", "height": "m", "barometer": "m", "heading": "rad"}
+    assert all(one.unit == units[name.split()[-1]] for name, one in found.items())
     assert set(found) == {"GPS velocity", "GPS vertical velocity", "GPS position", "barometer", "heading"}
     for name, own in (("GPS velocity", slice(0, 2)), ("GPS position", slice(3, 5)), ("heading", slice(7, 8))):
         np.testing.assert_allclose(
@@ -103,6 +105,11 @@ def test_ekf3_test_ratios_give_the_mean_square(tmp_path) -> None:
     log = read_filter_log(put(tmp_path, "a.bin", ekf3(TIME, innovations, variances, gate=3.0)))
     assert log.filter == "ArduPilot EKF3"
     found = {one.name: one for one in log.lane.innovations}
+    assert {name: one.unit for name, one in found.items()} == {
+        "GPS velocity": "m/s",
+        "GPS position": "m",
+        "height": "m",
+    }
     for name, own in (("GPS velocity", slice(0, 3)), ("GPS position", slice(3, 5)), ("height", slice(5, 6))):
         expected = np.mean(innovations[:, own] ** 2 / 0.49, axis=1)
         # The root of the ratio is logged in steps of 0.01.
