@@ -317,9 +317,8 @@ class SettingsPanel:
             variant="outlined",
             margin=(6, 0, 2, 0),
             description="Reset settings to what they were at first. The arrow at the top brings them back.",
-            sx={
-                "& button, &": {"padding": "3px 10px !important", "fontSize": "14px"}
-            },  # as Changed beside it
+            # As Changed beside it.
+            sx={"& button, &": {"padding": "3px 10px !important", "fontSize": "14px"}},
             stylesheets=[TOOLTIP],
             tags=[SETTING],
         )

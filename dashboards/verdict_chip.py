@@ -18,9 +18,10 @@ from dashboards.sending import soon, together
 from dashboards.session import Session
 from dashboards.style import plain_column, wide_html
 from dashboards.widgets import SETTING
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, format_number
+from lab.analysis.verdicts.finding import Change, Finding, Verdict
 from lab.analysis.verdicts.finding_table import LINEAR_MODEL
 from lab.analysis.verdicts.trial import apply_changes, can_be_tried
+from lab.base.numbers import format_number
 from lab.base.parameters.setting_error import SettingError
 from lab.base.progress import Progress
 from lab.experiment.experiment import Experiment

@@ -25,6 +25,7 @@ from lab.analysis.verdicts.run_evidence import Filtered
 from lab.base import result_files
 from lab.base.histories import cached_unless_long
 from lab.base.notebook_card import HtmlFrame, NotebookCard
+from lab.base.numbers import format_number
 from lab.base.progress import Progress
 from lab.base.registry import find
 from lab.experiment.datasets import flight, innovations, sensors, tables
@@ -319,7 +320,7 @@ class Result(NotebookCard, JudgedRun):
                 part = 100 * measured.saturated / measured.increments.size
                 remarks.append(
                     f"The {sensor}s saturated (sensors.{sensor}.range) in {measured.saturated} values, "
-                    f"{part:.2g} % of all; the filter does not model this."
+                    f"{format_number(part)} % of all; the filter does not model this."
                 )
         rejected = int(self.solution_arrays.fix_rejected.sum())
         if rejected:

@@ -30,7 +30,7 @@ DISPLACEMENT_LIMIT: Final = 10.0
 def describe_phase(stream: Stream) -> tuple[str, str]:
     """Return the phase of a stream, and a sentence why it is that one."""
     if not len(stream.samples):
-        return WAITING, "No sample of the IMU has come yet."
+        return WAITING, "The navigator waits for samples of the IMU, and for the time between them."
     if stream.attitude is not None:
         return _without_fixes(stream, stream.attitude)
     age, sigma = stream.fix_age, stream.position_sigma

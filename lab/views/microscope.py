@@ -13,6 +13,7 @@ from bokeh.plotting import figure
 from scipy import special
 
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number
 from lab.views.ensemble_cards import scroll_box
 from lab.views.figures import plain_figure
 from lab.views.legend import add_legend
@@ -186,7 +187,8 @@ def _difference(update: xr.Dataset, sigma: FloatArray) -> str:
     largest = float(np.abs(off / np.outer(sigma, sigma)).max())
     if largest < ROUNDING:
         return "; this is the filter's P⁺ to rounding"
-    return f"; the filter's own P⁺ differs by up to {100 * largest:.2g} % of σ² (see the document on filters)"
+    part = format_number(100 * largest)
+    return f"; the filter's own P⁺ differs by up to {part} % of σ² (see the document on filters)"
 
 
 def _vector(y: FloatArray, measured: Sequence[str], units: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from bokeh.plotting import figure
 
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number
 from lab.base.parameters.units import TO_SI
 from lab.live.stream_statistics import LEAST_HZ, Spectrum
 from lab.live.twin import CORRELATION, Difference, TwinComparison
@@ -160,7 +161,7 @@ def _row(one: Difference) -> str:
         real, mean, ratio = f"{one.real:.2f}", f"{one.simulated:.2f} ± {one.spread:.2f}", "—"
     else:
         real, mean = (f"{np.exp(value) / shown.per_unit:.3g}" for value in (one.real, one.simulated))
-        mean = f"{mean} ± {100 * np.expm1(one.spread):.2g} %"
+        mean = f"{mean} ± {format_number(100 * np.expm1(one.spread))} %"
         ratio = f"{np.exp(one.real - one.simulated):.3g}"
     mark = " differs" if one.sentence else ""
     return (

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import brentq
 
 from lab import Experiment
-from lab.analysis.verdicts.finding import format_number
 from lab.analysis.verdicts.likely_factor import LOSS, likely_factor
 from lab.analysis.verdicts.trial import apply_changes
+from lab.base.numbers import format_number
 from lab.experiment.result import Result
 
 TRIED = 10.0 ** np.arange(-2, 3.5, 0.5)

@@ -143,7 +143,7 @@ def test_nothing_came():
     live.feed(NO_FIXES[:0], NO_FIXES)
     live.finish()
     assert (live.state.phase, live.since()[1].time.size) == ("waiting", 0)
-    assert "No sample" in live.state.reason
+    assert "waits for samples" in live.state.reason
 
 
 def test_a_start_is_sought_as_soon_as_the_imu_and_the_receiver_have_enough_in_common():

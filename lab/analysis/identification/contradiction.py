@@ -23,7 +23,7 @@ from lab.analysis.identification.likelihood import InnovationSeries, Parameter, 
 from lab.analysis.identification.log_faults import LogFault, iterate_faults, iterate_range_faults, with_clock
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import TRIED
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, format_number, headline, size_weight
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline, size_weight
 from lab.analysis.verdicts.finding_table import (
     AID_NOISE,
     ARM_OR_LATENCY,
@@ -38,6 +38,7 @@ from lab.analysis.verdicts.pattern import AXES
 from lab.analysis.verdicts.state_advice import advise_log
 from lab.analysis.verdicts.trial import Repeatable
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number
 from lab.data.checks.full_scale import full_scales
 from lab.data.checks.imu_axes import NAMES
 from lab.data.log.log_section import cut_section

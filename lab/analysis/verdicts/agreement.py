@@ -22,7 +22,6 @@ from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.finding import (
     Weighed,
     Wording,
-    format_number,
     is_right,
     mean_square,
     size_weight,
@@ -31,6 +30,7 @@ from lab.analysis.verdicts.finding import (
 from lab.analysis.verdicts.finding_table import IN_QUARTER, TOGETHER, VALUES
 from lab.analysis.verdicts.run_means import BETWEEN, NEES, NIS, Figure, RunMeans
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number
 
 FAR = 3.0
 """Deviation in its σ up to which the expansion in the skewness holds: at three, of 30 runs, the correction is

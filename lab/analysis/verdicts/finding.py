@@ -16,6 +16,7 @@ from lab.analysis.consistency import chi_square_interval
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.sums import Squares
 from lab.base.notebook_card import NotebookCard
+from lab.base.numbers import format_number, round_digits
 
 WITHHELD = "No advice:"
 """Beginning of advice that was tried, and made something worse or nothing better."""
@@ -320,16 +321,6 @@ def size_weight(total: float, count: float) -> float:
     """Return the gain in log-likelihood if the variance equals the mean square."""
     ratio = max(total / count, 1e-12)
     return float(count / 2 * (ratio - 1 - np.log(ratio)))
-
-
-def format_number(number: float, digits: int = 2) -> str:
-    """Return a number, rounded to some digits, as people write it: 9800, and not 9.8e+03."""
-    return np.format_float_positional(round_digits(number, digits), trim="-")
-
-
-def round_digits(number: float, digits: int = 2) -> float:
-    """Return a number, rounded to some digits."""
-    return float(f"{number:.{digits}g}")
 
 
 def wrong_factor_interval(ratio: float, low: float, high: float) -> tuple[float, float]:

@@ -31,10 +31,11 @@ import numpy as np
 import scipy
 
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.finding import Weighed, format_number
+from lab.analysis.verdicts.finding import Weighed
 from lab.analysis.verdicts.finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_evidence import FEWEST, SETTLED, Measurement
 from lab.base.arrays import Flags, FloatArray, of_kernel
+from lab.base.numbers import format_number
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.data.log.filter_log import AXES, nearest
 from lab.data.log.sensor_log import GnssLog

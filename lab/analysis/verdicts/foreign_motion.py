@@ -17,10 +17,11 @@ import numpy as np
 import scipy
 
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.finding import Weighed, format_number
+from lab.analysis.verdicts.finding import Weighed
 from lab.analysis.verdicts.finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number
 from lab.data.log.filter_log import AXES, nearest
 from lab.data.log.sensor_log import GnssLog
 

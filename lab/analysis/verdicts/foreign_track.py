@@ -14,10 +14,11 @@ import numpy as np
 
 from lab.analysis.consistency import autocorrelation, chi_square_interval
 from lab.analysis.verdicts import limits
-from lab.analysis.verdicts.finding import Weighed, format_number, size_weight
+from lab.analysis.verdicts.finding import Weighed, size_weight
 from lab.analysis.verdicts.finding_table import FOREIGN_FINDINGS
 from lab.analysis.verdicts.foreign_evidence import FEWEST, LONGEST_MEMORY, find_isolated, memory
 from lab.base.arrays import FloatArray, interpolate_columns
+from lab.base.numbers import format_number
 from lab.data.log.filter_log import Track
 from lab.data.log.sensor_log import GnssLog
 from lab.motion.frames.displacement import displacement

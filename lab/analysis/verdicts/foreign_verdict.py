@@ -24,7 +24,6 @@ from lab.analysis.verdicts.finding import (
     NOTHING,
     Verdict,
     Weighed,
-    format_number,
     headline,
     interval_words,
     is_right,
@@ -39,6 +38,7 @@ from lab.analysis.verdicts.foreign_evidence import FEWEST, Measurement, lag_corr
 from lab.analysis.verdicts.foreign_motion import of_heading
 from lab.analysis.verdicts.foreign_track import Compared, Jump, Statement, compare_positions, jumps
 from lab.base.notebook_card import NotebookCard
+from lab.base.numbers import format_number
 from lab.data.log.filter_log import Event, FilterLog, Track
 from lab.data.log.sensor_log import SensorLog
 

@@ -19,12 +19,10 @@ from lab.analysis.verdicts.finding import (
     Advice,
     Finding,
     Weighed,
-    format_number,
     interval_words,
     is_right,
     judge_size,
     mean_square,
-    round_digits,
     wrong_direction,
     wrong_factor_interval,
 )
@@ -44,6 +42,7 @@ from lab.analysis.verdicts.pattern import AXES, channel, stretch, stretch_times
 from lab.analysis.verdicts.selection import estimates, likelihood_gain
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number, round_digits
 
 GPS, IMU, START = "GPS", "IMU", "P0"
 FACTORS = np.array([hypothesis.factor for hypothesis in HYPOTHESES])

@@ -12,7 +12,6 @@ from lab.analysis.verdicts.finding import (
     is_right,
     judge_size,
     mean_square,
-    round_digits,
     size_weight,
     wrong_direction,
     wrong_factor_interval,
@@ -23,6 +22,7 @@ from lab.analysis.verdicts.selection import Explained, estimates, likelihood_gai
 from lab.analysis.verdicts.sensor_evidence import FACTORS, FEWEST, MOTION, SensorErrors
 from lab.analysis.verdicts.sums import Fit, Squares
 from lab.base.arrays import FloatArray
+from lab.base.numbers import round_digits
 from lab.base.parameters.units import STANDARD_GRAVITY
 
 LEAST_FACTOR = float(FACTORS[0])

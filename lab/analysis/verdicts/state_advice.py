@@ -15,13 +15,14 @@ import numpy as np
 from lab.analysis.fix_causes import gains
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import ADVICE, KEEP_R
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, format_number, round_digits
+from lab.analysis.verdicts.finding import Change, Finding, Verdict
 from lab.analysis.verdicts.finding_table import CORRELATION, SENSORS
 from lab.analysis.verdicts.innovation_evidence import Record, normalised, offered
 from lab.analysis.verdicts.outliers import NEIGHBOURS, outliers
 from lab.analysis.verdicts.receiver_drift import ReceiverDrift, likely_drift
 from lab.analysis.verdicts.trial import Repeatable
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number, round_digits
 from lab.base.parameters.units import STANDARD_GRAVITY
 from lab.navigation.filters.blocks import CORE
 from lab.navigation.solution import Fixes, Imu

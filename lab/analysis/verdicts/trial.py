@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from lab.analysis.verdicts import limits
 from lab.analysis.verdicts.advice_table import TRIED
 from lab.analysis.verdicts.evidence import Evidence
-from lab.analysis.verdicts.finding import Change, Finding, Verdict, format_number, headline
+from lab.analysis.verdicts.finding import Change, Finding, Verdict, headline
 from lab.analysis.verdicts.run_evidence import Filtered
 from lab.analysis.verdicts.verdict import judge
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number
 from lab.base.parameters.setting_error import SettingError
 from lab.motion.frames.displacement import displaced, displacement
 from lab.motion.frames.rotation import C_nb_from_euler, euler_from_quaternion

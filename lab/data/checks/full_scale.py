@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.base.arrays import FloatArray
+from lab.base.numbers import format_number
 from lab.data.checks import limits
 from lab.data.checks.imu_axes import NAMES
 
@@ -40,7 +41,8 @@ class FullScale(NamedTuple):
         unit, factor = (("°/s", np.degrees(1.0)), ("m/s²", 1.0))[sensor]
         return (
             f"the {NAMES[axis]} one stands at {factor * self.limit:.4g} {unit} in "
-            f"{np.count_nonzero(self.at)} samples ({100 * self.at.mean():.2g} %), and is never beyond"
+            f"{np.count_nonzero(self.at)} samples ({format_number(100 * self.at.mean())} %), and is never "
+            "beyond"
         )
 
 

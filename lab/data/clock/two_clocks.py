@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.base.arrays import FloatArray, running_sums
+from lab.base.numbers import format_number
 from lab.data.clock.limits import LIMITS
 from lab.motion.frames.displacement import velocity_of_positions
 
@@ -46,10 +47,9 @@ class ClockRate(NamedTuple):
         """A sentence on the two clocks."""
         side = "fast" if self.ratio > 1 else "slow"
         return (
-            f"The clock of the IMU runs {100 * abs(self.ratio - 1):.2g} % {side} (ratio {self.ratio:.4f} ± "
-            f"{self.sigma:.4f}): by the turns, its stamps are {_describe_lateness(self.first)} at the "
-            "first and "
-            f"{_describe_lateness(self.last)} at "
+            f"The clock of the IMU runs {format_number(100 * abs(self.ratio - 1))} % {side} (ratio "
+            f"{self.ratio:.4f} ± {self.sigma:.4f}): by the turns, its stamps are "
+            f"{_describe_lateness(self.first)} at the first and {_describe_lateness(self.last)} at "
             "the last. The stamps are used as they are; divide the times of the IMU by the ratio."
         )
 

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lab.base.files.mission_error import MissionError
+from lab.base.numbers import format_number
 from lab.data.files.ardupilot import open_log
 from lab.data.files.dataflash_file import Log, parameters_of
 from lab.data.files.dataflash_time import MessageTimes
@@ -272,7 +273,7 @@ def _flags(kind: _Kind, own: Messages) -> str:
     """Return what the flags say, in a sentence."""
     roots = [(name, own[name]) for name in ("SV", "SP", "SH", "SM", "SVT") if name in own]
     over = [
-        f"{name} above 1 {100 * np.mean(root > 1):.2g} % of the time"
+        f"{name} above 1 {format_number(100 * float(np.mean(root > 1)))} % of the time"
         for name, root in roots
         if (root > 1).any()
     ]

@@ -22,6 +22,7 @@ from lab.base.arrays import FloatArray
 from lab.base.files.file_content import TextBlocks
 from lab.base.files.mission_error import MissionError
 from lab.base.files.named_columns import MAX_BYTES, MAX_HEADER_LINE, Column, read_columns
+from lab.base.numbers import format_number
 from lab.data.log.filter_log import (
     FilterLog,
     Innovations,
@@ -123,7 +124,9 @@ def read(path: Path) -> FilterLog:
     flags = "The csv has no test ratios of the filter."
     tested = np.concatenate([one.ratio[np.isfinite(one.ratio)] for one in found])
     if tested.size:
-        flags = f"Test ratios above 1 in {100 * np.mean(tested > 1):.2g} % of the innovations."
+        flags = (
+            f"Test ratios above 1 in {format_number(100 * float(np.mean(tested > 1)))} % of the innovations."
+        )
     start = float(values[time][0])
     return FilterLog.of(path, "a filter", (lane,), 0, events, flags, start)
 

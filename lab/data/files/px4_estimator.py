@@ -22,6 +22,7 @@ import numpy as np
 
 from lab.base.arrays import Flags, FloatArray
 from lab.base.files.mission_error import MissionError
+from lab.base.numbers import format_number
 from lab.data.files.streams import TIME, Messages
 from lab.data.files.ulog import TopicRows, open_ulog
 from lab.data.files.ulog_file import ULogFile
@@ -301,7 +302,7 @@ def _flags(log: ULogFile, number: int) -> str:
     if flags is not None:
         names = list(flags)
         said = [
-            f"{name} {100 * np.mean(flags[name] != 0):.2g} % of the time"
+            f"{name} {format_number(100 * np.mean(flags[name] != 0))} % of the time"
             for name in names
             if name.startswith(("reject_", "fs_")) and (flags[name] != 0).any()
         ]
@@ -309,6 +310,6 @@ def _flags(log: ULogFile, number: int) -> str:
     if status is not None and "innovation_check_flags" in status:
         checked = status["innovation_check_flags"]
         part = float(np.mean(checked != 0))
-        rejected = f"a measurement rejected {100 * part:.2g} % of the time"
+        rejected = f"a measurement rejected {format_number(100 * part)} % of the time"
         return f"{_STATUS}.innovation_check_flags: {rejected if part else 'nothing rejected'}."
     return "The log has no flags of the estimator."
