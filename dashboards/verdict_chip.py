@@ -231,20 +231,13 @@ class VerdictChip:
         )
         self._apply.on_click(lambda _event: self._applied())
         buttons = pn.Row(self._apply, self._show_me, margin=0)
-        card = pmui.Popup(
+        return pmui.Popup(
             plain_column(self._words, buttons),
             anchor_position=PLACE,
             transform_origin={"horizontal": "left", "vertical": "top"},
             elevation=8,
             sx=_CARD,
         )
-        card.param.watch(self._closes, "open")
-        return card
-
-    def _closes(self, event: param.parameterized.Event) -> None:
-        """Give the chip the focus once the card has gone, which takes it back until then."""
-        if not event.new:
-            self._document.add_timeout_callback(self._chip.focus, CLOSED)
 
     def _fill(self, verdict: Verdict, *, tried: bool) -> None:
         """Write the card of a verdict, whose advice is applied only once it has been tried."""
@@ -266,6 +259,8 @@ class VerdictChip:
         result, changes = self._result, self._changes
         assert self._card is not None
         self._card.open = False
+        # The button that had the focus is gone with its card, which takes the focus back until then.
+        self._document.add_timeout_callback(self._chip.focus, CLOSED)
         if result is None or not changes:
             return
         changed = apply_changes(result, changes)

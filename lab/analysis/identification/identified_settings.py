@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ SAME = 1e-9
 """Relative difference of factors that rounding explains."""
 
 
-def list_changes(run: Run, now: Assumed, found: Assumed) -> dict[str, Any]:
+def list_changes(run: Run, now: Assumed, found: Assumed, names: Collection[str] = NAMES) -> dict[str, Any]:
     """Return the settings, nested by group, with which a run's filter assumes the identified parameters.
 
     For a simulated run, these are settings of the filter; for a log, those of the sensors, which its filter
@@ -43,8 +44,10 @@ def list_changes(run: Run, now: Assumed, found: Assumed) -> dict[str, Any]:
         The run.
     now, found
         The filter's assumptions, and the new ones.
+    names
+        Names of the parameters that may change.
     """
-    seen = differing_parameters(now, found)
+    seen = differing_parameters(now, found) & np.array([name in names for name in NAMES])
     found = mix_assumptions(now, found, seen)
     navigator: dict[str, Any] = {}
     if seen[LATENCY]:
