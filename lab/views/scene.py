@@ -118,6 +118,8 @@ class Scene:
 
     Attributes
     ----------
+    exaggeration : float
+        Factor on all heights.
     held : list of tuple of str
         Letter and colour of each held result that is drawn: those far away are not.
     """
